@@ -19,17 +19,6 @@ from calibrary.calib.network import LensT, Linear, Network, State, linearise, tu
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
 
-__all__ = [
-    "Adjusted",
-    "ExtendedStep",
-    "Reduced",
-    "adjust",
-    "extended_step",
-    "reduce",
-    "scaled_solve",
-    "without_poses",
-]
-
 MAX_STEPS = 40
 CRAWL = 1e-7
 """The search ends after three successive steps that each reduce the sum of squares by less than this fraction."""

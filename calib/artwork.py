@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calib.board import Board, Pattern
 
-__all__ = ["Artwork", "Box", "Cells", "Discs", "artwork", "paper", "paper_rim"]
-
 Box: TypeAlias = tuple[float, float, float, float]
 """(left, top, right, bottom) in mm from the first point."""
 

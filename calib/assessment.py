@@ -60,9 +60,6 @@ from calibrary.quality import Proven
 from calibrary.records import replace
 from calibrary.validation import Finding, Severity
 
-__all__ = ["MAP_SHAPE", "Joint", "Solved", "assess", "notes_of", "shift_by_warp"]
-
-
 MAP_SHAPE: Final = (27, 21)
 SPLINED_SHAPE: Final = (61, 47)
 """Where splines are fitted: more than two places for each of their cells."""

@@ -14,9 +14,6 @@ from calibrary.arrays import FloatArray
 from calibrary.errors import InputError
 from calibrary.records import Meta, Record, force_setattr
 
-__all__ = ["DICTIONARIES", "Board", "Pattern", "parse_board"]
-
-
 LARGEST = 200
 """Largest number of corners along a side: more than any printed board has; it catches typing errors."""
 Side: TypeAlias = Annotated[int, Meta(ge=2, le=LARGEST)]

@@ -23,8 +23,6 @@ from calibrary.calib.model_choice import f_test
 from calibrary.calib.network import LensT, Network
 from calibrary.records import Record, replace
 
-__all__ = ["BoardShape", "Stretch", "board_shape", "laid_on", "stretch"]
-
 MOST_NODES: Final = (10, 8)
 """Nodes along the longer and the shorter side; a board with more corners is interpolated bilinearly between them."""
 LEVEL: Final = 1e-4

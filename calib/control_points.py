@@ -18,8 +18,6 @@ from calibrary.calib.observations import ControlPoints, Observations, View
 from calibrary.calibration import CameraKey, ImageSize, Origin, canonical_from_file
 from calibrary.errors import ParseError
 
-__all__ = ["COLUMNS", "read_control_points"]
-
 COLUMNS: Final = ("x", "y", "z", "u", "v", "image")
 MOST_ROWS: Final = 500_000
 MM: Final = 1000.0

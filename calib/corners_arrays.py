@@ -16,8 +16,6 @@ from calibrary.calib.observations import ControlPoints, View
 from calibrary.calibration import ImageSize
 from calibrary.errors import InputError
 
-__all__ = ["Corners", "views_of"]
-
 OFF_THE_GRID = 1e-3
 """Largest deviation of an object point from a regular grid, in squares; float32 has a ten-thousandth of it."""
 

@@ -24,17 +24,6 @@ from calibrary.provenance import SourceFile
 from calibrary.quality import ImageCircle
 from calibrary.records import Json, Meta, Record, from_json, replace, to_json
 
-__all__ = [
-    "FileName",
-    "corners_sha256",
-    "decode_corners",
-    "encode_corners",
-    "read_corners",
-    "read_table",
-    "write_corners",
-]
-
-
 MAX_BYTES: Final = 64_000_000
 MAX_POINTS: Final = 1_000_000
 Pixels: TypeAlias = Annotated[int, Meta(ge=1, le=200_000)]

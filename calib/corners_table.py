@@ -24,8 +24,6 @@ from calibrary.calib.board import Board
 from calibrary.calib.observations import View
 from calibrary.errors import ParseError
 
-__all__ = ["CornersTable", "is_corners_table", "read_corners_table"]
-
 MOST_ROWS: Final = 5_000_000
 NONE: Final = "-"
 COLUMNS: Final[Mapping[str, tuple[str, ...]]] = {

@@ -20,17 +20,6 @@ from calibrary.calib.network import LensT
 from calibrary.calibration import Covariance
 from calibrary.errors import CalibrationError
 
-__all__ = [
-    "MEANINGLESS",
-    "Identifiability",
-    "condition",
-    "identifiability",
-    "lens_condition",
-    "lens_covariance",
-    "parameter_covariance",
-]
-
-
 MEANINGLESS: Final = 1e-100
 """A parameter with less influence than this on all corners together is taken to have none."""
 

@@ -33,19 +33,6 @@ from calibrary.errors import CalibrationError, InputError
 from calibrary.records import Record, replace
 from calibrary.workers import end_with_parent, mapped
 
-__all__ = [
-    "Detections",
-    "NamedRemark",
-    "SearchedImage",
-    "check_detectable",
-    "detect",
-    "detect_all",
-    "find_board_size",
-    "search_image",
-    "shows_board",
-    "try_board_sizes",
-]
-
 DETECTORS: Final[Mapping[Pattern, Callable[[Gray, Board], Found | NotFound]]] = {
     Pattern.CHECKERBOARD: find_checkerboard,
     Pattern.CHARUCO: find_charuco,

@@ -27,8 +27,6 @@ from calibrary.errors import CalibrationError, InputError
 from calibrary.policy import FLEET, Policy
 from calibrary.records import replace
 
-__all__ = ["estimate", "other_columns", "solved_views"]
-
 FEWEST_CORNERS: Final = 6
 FLATTEST: Final = 0.02
 """Ratio of the second to the first extent of a view's points on the board; below it they are collinear: no pose."""

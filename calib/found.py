@@ -8,8 +8,6 @@ from msgspec import Struct
 
 from calibrary.arrays import FloatArray, IntArray
 
-__all__ = ["Found", "NotFound", "Reason", "Remark"]
-
 
 class Reason(StrEnum):
     """Problem of an image or of its view of the board; stable codes for programs."""

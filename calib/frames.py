@@ -23,18 +23,6 @@ from calibrary.calibration import CameraKey, ImageSize
 from calibrary.errors import InputError, ParseError
 from calibrary.records import replace
 
-__all__ = [
-    "Frame",
-    "Gray",
-    "Setting",
-    "eight_bit",
-    "frame_size",
-    "group_frames",
-    "of_most_common_size",
-    "read_frame",
-    "the_one_setting",
-]
-
 Gray: TypeAlias = NDArray[np.uint8]
 Samples: TypeAlias = NDArray[Any]
 """(H, W), 8 or 16 bits."""

@@ -19,18 +19,6 @@ from calibrary.calibration import ImageSize
 from calibrary.quality import ImageCircle, Proven
 from calibrary.records import Record, replace
 
-__all__ = [
-    "Coverage",
-    "Geometry",
-    "coverage",
-    "duplicates",
-    "geometry",
-    "inside_circle",
-    "near_corners",
-    "proven",
-]
-
-
 CELLS: Final = (8, 6)
 """Number of columns and rows of cells in the image."""
 BORDER: Final = 0.1

@@ -16,8 +16,6 @@ from calibrary.calib.frames import Gray
 from calibrary.calibration import ImageSize
 from calibrary.quality import ImageCircle
 
-__all__ = ["brightness", "find_circle"]
-
 SIDE: Final = 160
 """Cells along the longer side of the frame; each has the mean of its pixels."""
 BRIGHT: Final = 90.0

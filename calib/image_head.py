@@ -21,8 +21,6 @@ from msgspec import Struct
 from calibrary.calibration import ImageSize
 from calibrary.errors import ParseError, UnknownFormatError
 
-__all__ = ["FileBytes", "ImageHead", "check_complete", "jpeg_end", "read_head"]
-
 FileBytes: TypeAlias = bytes | mmap.mmap
 
 LARGEST_PIXELS: Final = 400_000_000

@@ -15,24 +15,6 @@ from numpy.typing import NDArray
 from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calib.frames import Gray
 
-__all__ = [
-    "Lattice",
-    "beyond",
-    "cell_levels",
-    "contrast",
-    "ends_on_paper",
-    "goes_on",
-    "homography",
-    "is_even",
-    "mapped",
-    "mirrored",
-    "overhangs",
-    "smallest_spacing",
-    "smoothed",
-    "squares_share",
-    "upright",
-]
-
 Lattice: TypeAlias = NDArray[np.float64]
 
 SAMPLED: Final = np.linspace(0.25, 0.75, 5)

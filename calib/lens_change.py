@@ -15,8 +15,6 @@ from calibrary.calib.lens_models import Solvable
 from calibrary.calib.network import State
 from calibrary.records import replace
 
-__all__ = ["RADIAL", "as_model", "widest_angle"]
-
 USUAL_ANGLE: Final = math.radians(60)
 SAMPLES: Final = 40
 XI_OF_MEI: Final = np.linspace(0.2, 2.6, 25)

@@ -33,8 +33,6 @@ from calibrary.distortion import (
 )
 from calibrary.errors import InputError
 
-__all__ = ["MODELS", "PINHOLE", "SPLINED", "Projected", "Solvable", "columns_of"]
-
 Projected: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 """Pixels (…, 2), ∂px/∂parameters (…, 2, n) and ∂px/∂point (…, 2, 3)."""
 

@@ -20,8 +20,6 @@ from calibrary.calib.lens_models import Solvable
 from calibrary.calibration import ImageSize
 from calibrary.errors import CalibrationError, InputError
 
-__all__ = ["missed_terms", "next_term", "series_shift", "shift_of_term"]
-
 GRID: Final = (17, 13)
 PRIOR_OF_DISTORTION: Final = 0.05
 """Prior standard deviation of the term in the image corner, as a share of the distortion there. In the lenses of

@@ -27,9 +27,6 @@ from calibrary.calibration import ImageSize
 from calibrary.probability import chi_square_tail
 from calibrary.records import Record
 
-__all__ = ["Cause", "Misfit", "corner_noise", "misfit"]
-
-
 FOURTH_DIFFERENCE: Final = (1.0, -4.0, 6.0, -4.0, 1.0)
 """Weights of five neighbouring corners; they cancel nearly all of perspective and distortion."""
 NORMAL_MAD: Final = 1.4826

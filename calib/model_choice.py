@@ -30,22 +30,6 @@ from calibrary.errors import CalibrationError, InputError
 from calibrary.probability import f_tail
 from calibrary.records import Record, replace
 
-__all__ = [
-    "CLEARLY",
-    "FIRST_ORDER_SHARE",
-    "PENALTY",
-    "Candidate",
-    "WarpTest",
-    "best_model",
-    "f_test",
-    "promised_gain",
-    "reason_unfit",
-    "sound_share",
-    "warp_test",
-    "with_warp",
-]
-
-
 PENALTY: Final = 5.4
 """Per parameter: χ² of three exceeds 16.3 with p = 0.001."""
 CLEARLY: Final = 10.0

@@ -26,9 +26,6 @@ else:
         return _TypeVar(name, bound=bound)
 
 
-__all__ = ["Lens", "LensT", "Linear", "Network", "State", "linearise", "turned"]
-
-
 MAX_CELLS = 1_000_000
 """Views × corners of the largest view; 200 views of a 40 × 30 board are a quarter of it."""
 

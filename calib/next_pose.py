@@ -24,8 +24,6 @@ from calibrary.calibration import CameraKey, ImageSize
 from calibrary.records import Record, replace
 from calibrary.rotations import rotation_matrix
 
-__all__ = ["NextPose", "next_pose"]
-
 PLACES: Final = (0.14, 0.38, 0.62, 0.86)
 """Positions of the board's centre, as shares of the image's width and height."""
 TILTS: Final = ((0.0, 0.0), (30.0, 0.0), (-30.0, 0.0), (0.0, 30.0), (0.0, -30.0), (20.0, 20.0))

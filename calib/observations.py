@@ -16,8 +16,6 @@ from calibrary.provenance import SourceFile
 from calibrary.quality import ImageCircle
 from calibrary.records import force_setattr
 
-__all__ = ["ControlPoints", "Days", "Observations", "View"]
-
 Days: TypeAlias = tuple[date, date]
 """First and last day."""
 

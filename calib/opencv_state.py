@@ -8,8 +8,6 @@ from contextlib import contextmanager
 from importlib.util import find_spec
 from typing import Any
 
-__all__ = ["one_blas_thread", "one_thread", "quiet"]
-
 SILENT = 0
 
 _lock = threading.Lock()

@@ -28,8 +28,6 @@ from calibrary.records import replace
 if TYPE_CHECKING:
     from PIL.Image import Exif
 
-__all__ = ["Kind", "Picture", "decode", "encode", "reframed"]
-
 Pixels: TypeAlias = NDArray[Any]
 
 ORIENTATION = 0x0112

@@ -19,8 +19,6 @@ from calibrary.calib.artwork import Cells, Discs, artwork
 from calibrary.calib.board import Board, Pattern
 from calibrary.errors import InputError
 
-__all__ = ["PAGES", "Page", "lay_out", "page_size", "to_pdf", "to_svg"]
-
 Rectangle: TypeAlias = tuple[float, float, float, float]
 """(left, top, width, height) in mm on the page."""
 

@@ -9,8 +9,6 @@ from typing import Final
 
 import numpy as np
 
-__all__ = ["programs", "versions_in_words"]
-
 _NAMES: Final = {"calibrary": "calibrary", "opencv": "OpenCV", "pycolmap": "pycolmap"}
 """Names of the programs in a provenance, by module."""
 _MODULES: Final = {"cv2": "opencv"}

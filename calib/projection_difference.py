@@ -31,14 +31,6 @@ from calibrary.probability import chi_square_tail
 from calibrary.records import replace
 from calibrary.rotations import rotation_matrix, rotation_vector
 
-__all__ = [
-    "ProjectionDifference",
-    "Uncertainty",
-    "pixel_grid",
-    "projection_difference",
-    "projection_uncertainty",
-]
-
 GRID: Final = (33, 25)
 """Columns and rows, including the image's edges."""
 FOCUS: Final = 1 / 6

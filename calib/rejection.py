@@ -12,9 +12,6 @@ from calibrary.calib.adjustment import Adjusted, adjust
 from calibrary.calib.network import LensT, Network, linearise
 from calibrary.records import replace
 
-__all__ = ["Gate", "in_px", "residual_lengths", "screened", "view_rms"]
-
-
 NORMAL_MAD: Final = 1.4826
 """Ratio of the standard deviation to the median absolute deviation of a normal distribution."""
 RAYLEIGH_MEDIAN: Final = 1.1774

@@ -27,8 +27,6 @@ from calibrary.calib.variance_factor import split_half
 from calibrary.calibration import ImageSize
 from calibrary.records import replace
 
-__all__ = ["Field", "residual_field"]
-
 INTERVALS: Final = 8
 """Intervals of knots along the longer side."""
 LENGTHS: Final = (0.1, 0.2)

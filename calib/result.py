@@ -22,24 +22,6 @@ from calibrary.policy import FLEET, Policy
 from calibrary.records import Meta, Record
 from calibrary.validation import Finding
 
-__all__ = [
-    "CalibrationResult",
-    "ControlFit",
-    "Dismissal",
-    "DismissalReason",
-    "FlightGeometry",
-    "FlightNuisance",
-    "Flown",
-    "Numbers",
-    "OddMark",
-    "RejectedCorner",
-    "Rows",
-    "ViewResult",
-    "finite",
-    "numbers",
-    "rows",
-]
-
 Numbers: TypeAlias = tuple[float | None, ...]
 """None stands for a number that is not finite."""
 Rows: TypeAlias = tuple[Numbers, ...]

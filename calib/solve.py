@@ -27,9 +27,6 @@ from calibrary.calibration import ImageSize, Intrinsics
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
 
-__all__ = ["Solution", "choices", "solve"]
-
-
 ROUNDS: Final = 4
 FEWEST_POSES: Final = 3
 """Each pose of a plane gives two equations for the four parameters of K; two suffice only if nothing else is

@@ -21,9 +21,6 @@ from calibrary.calib.network import Network, State
 from calibrary.calibration import ImageSize, Intrinsics
 from calibrary.errors import CalibrationError
 
-__all__ = ["homographies", "seed", "start"]
-
-
 SEED_FACTOR: Final = 0.8
 """fx / max(W, H) of the source document's start of a self-calibration: 64° across, near the catalogue's median."""
 FIRST_VIEWS: Final = 16

@@ -28,8 +28,6 @@ from calibrary.calibration import Calibration, Intrinsics, plan_of
 from calibrary.distortion.base import blocks
 from calibrary.errors import FrameError, UnsupportedModelError
 
-__all__ = ["Interpolation", "Undistorter"]
-
 Pixels: TypeAlias = NDArray[Any]
 """(H, W) or (H, W, channels), 8 or 16 bits or floating point."""
 

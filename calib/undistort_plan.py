@@ -20,18 +20,6 @@ from calibrary.distortion.base import perspective
 from calibrary.errors import FrameError, InputError, UnsupportedModelError
 from calibrary.records import replace
 
-__all__ = [
-    "MAX_ANGLE_DEG",
-    "MAX_SIDE",
-    "ON_THE_EDGE_PX",
-    "Plan",
-    "cell_centres",
-    "grid",
-    "known_distortion",
-    "pinhole_rays",
-    "plan",
-]
-
 MAX_ANGLE_DEG = 80.0
 """A plane shows less than 90° from the axis; at 80° it already stretches a pixel to six by thirty-three."""
 

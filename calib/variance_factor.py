@@ -27,9 +27,6 @@ from calibrary.calib.adjustment import Adjusted, reduce
 from calibrary.calib.network import LensT
 from calibrary.errors import CalibrationError
 
-__all__ = ["Half", "SplitHalf", "compared", "solved_half", "split_half"]
-
-
 Half: TypeAlias = tuple[FloatArray, FloatArray]
 """(g,) difference of a half's solution from the full one, and its (g, g) covariance."""
 

@@ -20,18 +20,6 @@ from calibrary.quality import Proven
 from calibrary.records import Record
 from calibrary.validation import Finding, Severity
 
-__all__ = [
-    "LIMITS",
-    "AskedUse",
-    "BoardVerdict",
-    "Departure",
-    "Evidence",
-    "Limits",
-    "UseCheck",
-    "Uses",
-    "uses_of",
-]
-
 
 class BoardVerdict(StrEnum):
     """What a calibration is good for: to be kept fixed in a solver, to start one from, or nothing."""

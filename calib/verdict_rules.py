@@ -13,8 +13,6 @@ from calibrary.calibration import ImageSize
 from calibrary.policy import FLEET, Policy
 from calibrary.validation import Finding, Severity
 
-__all__ = ["at_least", "at_most", "graver_first", "judge", "size_share"]
-
 
 def judge(evidence: Evidence, limits: Limits = LIMITS, policy: Policy = FLEET) -> tuple[Finding, ...]:
     """Check every measurement against its limit; return the findings, most severe first. All rules are evaluated.

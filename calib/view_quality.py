@@ -14,9 +14,6 @@ from calibrary.calib.frames import Gray
 from calibrary.calib.lattice import cell_levels, contrast
 from calibrary.calib.observations import View
 
-__all__ = ["edge_widths", "judge_repeats", "judge_view"]
-
-
 BLURRED_PX, USELESS_PX = 8.0, 14.0
 """Edge width in px from which corners become noisier (0.04 px and more), and from which they are useless (0.15 px)."""
 

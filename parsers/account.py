@@ -34,8 +34,6 @@ from calibrary.parsers.document import Documents, Node, keeping
 from calibrary.parsers.format import Format, ReadContext
 from calibrary.records import Json, replace
 
-__all__ = ["Account"]
-
 MOST_NODES = 4000
 """Values of a document that are looked at: a reconstruction repeats its keys."""
 LONG = 100

@@ -16,8 +16,6 @@ from calibrary.parsers.text import decode
 from calibrary.records import Json
 from calibrary.strictjson import parse_json
 
-__all__ = ["HEAD_BYTES", "MAX_JSON_BYTES", "Content", "Syntax"]
-
 HEAD_BYTES = 64 * 1024
 """Bytes of a file that the text views use; a calibration can be identified by its beginning."""
 

@@ -22,17 +22,6 @@ from calibrary.parsers.format import Format
 from calibrary.parsers.refused import REFUSED
 from calibrary.records import Meta, Record
 
-__all__ = [
-    "GROUP",
-    "ONLY",
-    "PROGRAMS",
-    "FormatListing",
-    "format_named",
-    "formats_of",
-    "known_formats",
-    "listing",
-]
-
 GROUP = "calibrary.formats"
 """The entry-point group by which other packages add formats."""
 

@@ -23,8 +23,6 @@ from calibrary.parsers import text as strict
 from calibrary.records import Json
 from calibrary.strictjson import parse_json
 
-__all__ = ["Documents", "Node", "accounted", "keeping", "load_json"]
-
 P = ParamSpec("P")
 T = TypeVar("T")
 Documents: TypeAlias = dict[tuple[str, bytes], Any]

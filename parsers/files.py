@@ -9,18 +9,6 @@ from pathlib import Path, PurePosixPath
 
 from calibrary.errors import InputError, ParseError
 
-__all__ = [
-    "IMAGE_SUFFIXES",
-    "MAX_BYTES",
-    "companions",
-    "display_name",
-    "is_image",
-    "length_of",
-    "read_head",
-    "read_regular_file",
-    "too_long",
-]
-
 MAX_BYTES = 64 * 1024 * 1024
 IMAGE_SUFFIXES = frozenset(
     {".jpg", ".jpeg", ".jpe", ".mpo", ".tif", ".tiff", ".dng", ".heic", ".heif", ".png"}

@@ -24,17 +24,6 @@ from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.parsers.format import Capacity, Fit, UnknownLens
 from calibrary.records import replace
 
-__all__ = [
-    "DEFAULT_MAX_ERROR_PX",
-    "EXACT",
-    "accepted_with",
-    "adapt",
-    "compare",
-    "displacement",
-    "reason_for_fit",
-    "refit",
-]
-
 DEFAULT_MAX_ERROR_PX = 0.05
 """Half of the resolution of good feature matching; a smaller error does not affect a reconstruction."""
 

@@ -56,23 +56,6 @@ from calibrary.parsers.on_demand import Columns
 from calibrary.provenance import HOW_MADE
 from calibrary.records import Json, replace
 
-__all__ = [
-    "STATED",
-    "Capacity",
-    "Fidelity",
-    "Fit",
-    "Format",
-    "Option",
-    "ReadContext",
-    "Sniff",
-    "Sure",
-    "UnknownLens",
-    "WriteContext",
-    "WriteVerdict",
-    "in_words",
-]
-
-
 STATED = tuple(name for name in HOW_MADE if name != "firmware")
 """Fields of provenance that a calibration file may state; the firmware it states is part of the camera."""
 

@@ -17,8 +17,6 @@ from calibrary.parsers.files import display_name
 from calibrary.parsers.imagery import Source, read_metadata, read_source
 from calibrary.records import replace
 
-__all__ = ["decode_image", "evidence_in", "image_evidence", "read_image"]
-
 
 def image_evidence(path: Path) -> Evidence:
     """All evidence about K from one image and from the catalogue's entry of its camera.

@@ -17,8 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calibration import Calibration
 
-__all__ = ["FEW", "REACH", "CamerasOnDemand", "Columns", "make_a_camera", "on_demand"]
-
 REACH = 1e6
 """Largest ratio, either way, between a length and the image size; that of the longest telescope is a thousand."""
 

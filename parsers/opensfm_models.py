@@ -22,8 +22,6 @@ from calibrary.distortion import BrownConrady, Distortion, Fisheye624, KannalaBr
 from calibrary.errors import UnsupportedModelError
 from calibrary.parsers.convention import Convention, Native, Unit
 
-__all__ = ["CONVENTION", "PROJECTIONS", "ProjectionType", "calibrated", "opensfm_camera", "projection_named"]
-
 
 class ProjectionType(Struct, frozen=True):
     """An OpenSfM projection type that has a K.

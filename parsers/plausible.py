@@ -11,8 +11,6 @@ from calibrary.distortion import BrownConrady, Distortion
 from calibrary.errors import InputError
 from calibrary.parsers.unsized import UnsizedIntrinsics
 
-__all__ = ["refuse_implausible", "why_implausible", "why_no_lens"]
-
 SHORTEST = 0.05
 """Smallest focal length ÷ longer side; a 220° fisheye circle over a third of the image width has 0.09."""
 LONGEST = 1000.0

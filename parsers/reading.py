@@ -39,17 +39,6 @@ from calibrary.parsers.plausible import why_implausible, why_no_lens
 from calibrary.parsers.text import shown
 from calibrary.records import replace
 
-__all__ = [
-    "NOT_ENDED",
-    "Identity",
-    "described",
-    "identified",
-    "identified_by_head",
-    "read_content",
-    "read_in_place",
-    "read_to_the_end",
-]
-
 
 class Identity(Struct, frozen=True):
     """The recognised format of a file.

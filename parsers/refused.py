@@ -28,8 +28,6 @@ from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.format import Format, Sniff, Sure
 from calibrary.parsers.formats._npy import MAGIC, is_of_objects
 
-__all__ = ["REFUSED"]
-
 OPF_READ = {
     "application/opf-calibrated-cameras+json",
     "application/opf-input-cameras+json",

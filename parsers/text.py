@@ -13,20 +13,6 @@ from calibrary.arrays import FloatArray
 from calibrary.calibration import ImageSize
 from calibrary.errors import ParseError
 
-__all__ = [
-    "FINITE",
-    "check_count",
-    "decode",
-    "image_size",
-    "lines",
-    "number",
-    "numbers",
-    "plain_numbers",
-    "shown",
-    "table",
-    "whole",
-]
-
 LONGEST_SIDE_PX = 1_000_000
 FINITE = "expected a number; a calibration that did not converge writes this: calibrate again"
 LONGEST_NUMBER = 1000

@@ -15,16 +15,8 @@ from calibrary.errors import InputError, MissingSizeError
 from calibrary.parsers.files import is_image
 from calibrary.records import Record, replace
 
-__all__ = [
-    "UnsizedCalibration",
-    "UnsizedIntrinsics",
-    "read_sized_as_images_beside",
-    "read_sized_by_centre",
-    "read_without_size",
-]
 
-
-class ReadAtSize(Protocol):
+class _ReadAtSize(Protocol):
     """Function that reads a file's cameras; the size is used for cameras without one in the file."""
 
     def __call__(self, *, image_size: ImageSize, size_is_tried: bool) -> Sequence[Calibration]: ...
@@ -77,13 +69,13 @@ class UnsizedCalibration(Record):
     notes: tuple[str, ...]
 
 
-def read_without_size(read: ReadAtSize) -> list[Calibration | UnsizedCalibration]:
+def read_without_size(read: _ReadAtSize) -> list[Calibration | UnsizedCalibration]:
     """Read all cameras; those with an image size in the file are complete."""
     pairs = zip(*(read(image_size=size, size_is_tried=True) for size in TRIED), strict=True)
     return [one if _is_sized(one, two) else _without_size(one, two) for one, two in pairs]
 
 
-def read_sized_by_centre(read: ReadAtSize) -> Sequence[Calibration]:
+def read_sized_by_centre(read: _ReadAtSize) -> Sequence[Calibration]:
     """Read all cameras, assuming an image size of twice the principal point.
 
     Raises:
@@ -108,7 +100,7 @@ def read_sized_by_centre(read: ReadAtSize) -> Sequence[Calibration]:
     return found
 
 
-def read_sized_as_images_beside(read: ReadAtSize, path: Path) -> Sequence[Calibration] | None:
+def read_sized_as_images_beside(read: _ReadAtSize, path: Path) -> Sequence[Calibration] | None:
     """Read all cameras at the size of the images in the file's folder, if these have one size that fits K.
 
     Returns:

@@ -32,8 +32,6 @@ from calibrary.parsers.on_demand import CamerasOnDemand
 from calibrary.parsers.reading import read_content
 from calibrary.quality import Covariance
 
-__all__ = ["encoded", "format_by_suffix", "format_to_write", "why_unwritten"]
-
 QUALITY = {
     "rms_px": "rms of the reprojection error",
     "points": "number of points",

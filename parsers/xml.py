@@ -16,8 +16,6 @@ from calibrary.parsers.document import accounted
 if TYPE_CHECKING:
     from lxml.etree import _Element
 
-__all__ = ["MAX_BYTES", "MAX_DEPTH", "parse_xml"]
-
 MAX_BYTES = 16 * 1024 * 1024
 """Longest document; about the size of a block of twenty thousand Metashape cameras."""
 

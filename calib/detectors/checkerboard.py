@@ -17,9 +17,6 @@ from calibrary.calib.found import Found, NotFound, Reason
 from calibrary.calib.frames import Gray
 from calibrary.calib.lattice import goes_on, is_even, overhangs, smallest_spacing, squares_share, upright
 
-__all__ = ["FEWEST_ALONG_A_SIDE", "find_checkerboard", "whole_size"]
-
-
 FEWEST_ALONG_A_SIDE = 3
 """OpenCV cannot detect smaller checkerboards."""
 

@@ -17,9 +17,6 @@ from calibrary.calib.frames import Gray
 from calibrary.calib.lattice import Lattice, beyond, homography, is_even, mapped, smallest_spacing, upright
 from calibrary.records import replace
 
-__all__ = ["find_circles"]
-
-
 WINDOW_SHARE = 0.48
 """Half-width of the window around a disc, in spacings: almost up to the middle between two discs."""
 RIM_POINTS = 64

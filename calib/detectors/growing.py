@@ -20,8 +20,6 @@ from calibrary.calib.detectors.refinement import enlarged, half_window, reduced,
 from calibrary.calib.frames import Gray
 from calibrary.calib.lattice import Lattice, mirrored
 
-__all__ = ["grown"]
-
 Levels: TypeAlias = NDArray[np.float32]
 Place: TypeAlias = tuple[int, int]
 """(row, column), relative to an arbitrary corner."""

@@ -19,9 +19,6 @@ from calibrary.calib.detectors.reliability import FEWEST_POINTS, reliable
 from calibrary.calib.found import Found, NotFound, Reason
 from calibrary.calib.frames import Gray
 
-__all__ = ["find_aprilgrid", "find_charuco"]
-
-
 SIDES: Final = (DETECTION_SIDE, 2 * DETECTION_SIDE)
 """Longer side in px of the copies searched for markers; the larger one if the smaller does not show all of them."""
 

@@ -23,8 +23,6 @@ from calibrary.calib.frames import Gray
 from calibrary.calib.lattice import Lattice, contrast, ends_on_paper, smallest_spacing, squares_share
 from calibrary.records import replace
 
-__all__ = ["find_partial"]
-
 FEWEST_CORNERS, LEAST_SHARE = 12, 0.2
 """Smallest number and share of corners; fewer say little, and floors and windows often form lattices of 3 by 4."""
 FEWEST_LINES = 3

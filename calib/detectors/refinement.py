@@ -7,9 +7,6 @@ import numpy as np
 from calibrary.arrays import FloatArray
 from calibrary.calib.frames import Gray
 
-__all__ = ["DETECTION_SIDE", "enlarged", "half_window", "reduced", "refined"]
-
-
 DETECTION_SIDE = 1280
 """Longer side in px of the copy. The corners equal those from the full image, in a hundredth of the time."""
 

@@ -12,9 +12,6 @@ from calibrary.calib.found import Found, NotFound, Reason, Remark
 from calibrary.calib.frames import Gray
 from calibrary.calib.lattice import smoothed
 
-__all__ = ["FEWEST_POINTS", "reliable"]
-
-
 FEWEST_POINTS = 6
 """Four points determine the pose of a plane; with fewer than six, no redundancy is left to reveal an error."""
 

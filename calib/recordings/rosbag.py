@@ -17,8 +17,6 @@ from calibrary.calib.recordings.sharpest import Shot, Unreadable
 from calibrary.errors import InputError, ParseError
 from calibrary.extras import require
 
-__all__ = ["DESCRIPTION", "OF_A_FOLDER", "REINDEX", "SUFFIXES", "read"]
-
 OF_A_FOLDER: Final = frozenset({".mcap", ".db3"})
 SUFFIXES: Final = OF_A_FOLDER | {".bag"}
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from calibrary.calib.detectors.refinement import reduced
 from calibrary.calib.frames import eight_bit
 
-__all__ = ["Shot", "Unreadable", "sharpest"]
-
 STRETCH_S: Final = 0.5
 """s; in less time the board hardly moves to another pose."""
 MOST_KEPT: Final = 60

@@ -10,8 +10,6 @@ from calibrary.calib.recordings.sharpest import Shot
 from calibrary.errors import InputError, ParseError
 from calibrary.extras import require
 
-__all__ = ["SUFFIXES", "read"]
-
 SUFFIXES: Final = frozenset({".mp4", ".mov", ".m4v", ".avi", ".mkv", ".mts", ".webm"})
 
 

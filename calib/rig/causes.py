@@ -18,8 +18,6 @@ from calibrary.calib.rig.observations import RigObservations
 from calibrary.calib.rig.start import Eye, Link, Pairing
 from calibrary.records import Record
 
-__all__ = ["RigCause", "RigTrouble", "moved_camera", "swapped_images"]
-
 FEWEST_ASIDE: Final = 3
 """Smallest number of shots before and after the movement of a camera."""
 CLEARLY: Final = 0.4

@@ -34,8 +34,6 @@ from calibrary.records import Record, replace
 from calibrary.rig import RigPose, turn_jacobian
 from calibrary.validation import Finding
 
-__all__ = ["RigResult", "ShotResult", "estimate_rig"]
-
 
 class ShotResult(Record):
     """One shot with views of two or more cameras.

@@ -16,8 +16,6 @@ from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calib.lens_models import Projected, Solvable
 from calibrary.rotations import left_jacobian, rotation_matrix, rotation_vector
 
-__all__ = ["PLACE", "Place", "RigLens"]
-
 PLACE = ("rx", "ry", "rz", "tx", "ty", "tz")
 """Pose of a camera in the rig: rotation vector in rad and translation in mm; x_camera = R x_reference + t."""
 

@@ -13,8 +13,6 @@ from calibrary.calib.observations import Observations
 from calibrary.errors import InputError
 from calibrary.records import replace
 
-__all__ = ["RigObservations", "rig_network"]
-
 
 class RigObservations(Struct, frozen=True, kw_only=True, eq=False):
     """All views of one board by the cameras of a rig.

@@ -20,8 +20,6 @@ from calibrary.calib.solve import Solution
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
 
-__all__ = ["RigSolution", "solve_rig"]
-
 ROUNDS: Final = 5
 NORMAL_MAD: Final = 1.4826
 OUTSTANDING: Final = 4.0

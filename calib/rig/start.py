@@ -24,8 +24,6 @@ from calibrary.calib.rig.lens import Place
 from calibrary.calib.rig.observations import RigObservations
 from calibrary.calib.solve import Solution
 
-__all__ = ["Eye", "Link", "Mispairing", "Pairing", "eye_of", "links", "turns"]
-
 MOST_CANDIDATES: Final = 40
 NEAR: Final = 0.02
 """Largest median residual relative to the image's width with which the shots agree on one relative pose."""

@@ -16,8 +16,6 @@ from calibrary.errors import first_of
 from calibrary.records import Record
 from calibrary.validation import Finding, Severity
 
-__all__ = ["RIG_LIMITS", "Mispaired", "RigEvidence", "RigLimits", "is_loose", "judge_rig"]
-
 
 class RigLimits(Record):
     """Limits of PASS (``wanted``) and of REFUSE (``needed``).

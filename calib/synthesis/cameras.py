@@ -12,8 +12,6 @@ from calibrary.errors import InputError
 from calibrary.known_camera import KnownCamera, Projection
 from calibrary.synthetic import ExifValue, Head, Rational, description, packet
 
-__all__ = ["example_camera", "head", "unit_of"]
-
 EXAMPLE = KnownCamera(
     make="Example",
     models=("Board 2.8",),

@@ -21,8 +21,6 @@ from calibrary.errors import InputError
 from calibrary.records import Json, to_json
 from calibrary.synthetic import Head, write_image
 
-__all__ = ["TRUTH_NAME", "check_empty", "write_frames"]
-
 TRUTH_NAME: Final = "truth.json"
 
 

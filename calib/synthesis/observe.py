@@ -15,8 +15,6 @@ from calibrary.calib.synthesis.sheet import Pose, Sheet, Shutter, seen_corners
 from calibrary.calibration import Calibration
 from calibrary.records import replace
 
-__all__ = ["Truth", "observe"]
-
 
 class Truth(Struct, frozen=True, kw_only=True, eq=False):
     """True values of a set of synthetic images.

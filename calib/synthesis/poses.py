@@ -15,9 +15,6 @@ from calibrary.calibration import Calibration
 from calibrary.errors import InputError
 from calibrary.rotations import rotation_matrix, rotation_vector
 
-__all__ = ["poses"]
-
-
 TRIES = 128
 """Number of poses drawn at a time; if none fits, the board is moved further away."""
 SHRINK, MOST_SHRINKS = 0.95, 60

@@ -21,8 +21,6 @@ from calibrary.calib.synthesis.sheet import Pose, Sheet, Shutter, seen_points
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Provenance
 from calibrary.distortion import Distortion
 
-__all__ = ["render", "render_raw"]
-
 Pixels: TypeAlias = NDArray[np.uint8] | NDArray[np.uint16]
 Light: TypeAlias = NDArray[np.float32]
 

@@ -9,8 +9,6 @@ from msgspec import Struct, field
 from calibrary.calib.synthesis.sheet import Sheet, Shutter
 from calibrary.errors import InputError
 
-__all__ = ["Settings"]
-
 
 class Settings(Struct, frozen=True, kw_only=True):
     """Light, lens, sensor and file; the defaults describe a good camera in good light.

@@ -12,8 +12,6 @@ from calibrary.calib.board import Board
 from calibrary.calibration import Calibration
 from calibrary.rotations import rotation_matrix
 
-__all__ = ["Pose", "Sheet", "Shutter", "seen_corners", "seen_points"]
-
 Vector: TypeAlias = tuple[float, float, float]
 
 ROW_ROUNDS = 12

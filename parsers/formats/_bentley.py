@@ -16,8 +16,6 @@ from calibrary.parsers.format import ReadContext
 if TYPE_CHECKING:
     from lxml.etree import _Element
 
-__all__ = ["CONVENTION", "PerspectiveCamera", "perspective_camera"]
-
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     tangential=Tangential.SWAPPED,

@@ -11,8 +11,6 @@ import hashlib
 from calibrary.calibration import Intrinsics
 from calibrary.distortion import Distortion
 
-__all__ = ["bound", "unbound"]
-
 
 def bound(text: str, intrinsics: Intrinsics, distortion: Distortion | None) -> str:
     """The extra's value, prefixed with the digest of K and the lens."""

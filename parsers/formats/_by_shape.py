@@ -16,8 +16,6 @@ from calibrary.parsers.formats._opencv_keys import COEFFICIENTS, MATRIX, is_fish
 from calibrary.parsers.formats._opencv_lens import lens
 from calibrary.records import Json
 
-__all__ = ["AROUND", "lens_of", "lifted", "shaped"]
-
 AROUND = frozenset({
     "calibration", "calibrationdata", "calib", "camera", "cameraparameters", "cameraparams", "parameters", "params",
     "intrinsic", "intrinsics", "cameraintrinsics", "intrinsicparameters", "distortion", "distortionparameters",

@@ -30,8 +30,6 @@ from calibrary.parsers.format import Capacity, ReadContext, UnknownLens
 from calibrary.parsers.on_demand import FEW, CamerasOnDemand, Columns, make_a_camera
 from calibrary.records import Record, force_setattr
 
-__all__ = ["CAPACITY", "CONVENTION", "MAX_CAMERAS", "StoredCamera", "StoredColumns", "cameras", "records"]
-
 R = TypeVar("R", bound=Record)
 
 CONVENTION: Final = Convention(

@@ -28,8 +28,6 @@ from calibrary.strictyaml import load_yaml
 if TYPE_CHECKING:
     from lxml.etree import _Element
 
-__all__ = ["LONGEST_VECTOR", "ROOTLESS", "SUFFIXES", "dump", "holds", "load", "matrix", "numbers"]
-
 MATRIX = "opencv-matrix"
 ND_MATRIX = "opencv-nd-matrix"
 """Type of a one-dimensional vector in OpenCV 5, with ``sizes`` in place of rows and cols."""

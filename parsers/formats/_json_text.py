@@ -12,8 +12,6 @@ from calibrary.parsers.document import Node, accounted, load_json
 from calibrary.parsers.format import ReadContext
 from calibrary.records import Json
 
-__all__ = ["Writable", "dumped", "extra", "loaded", "restored"]
-
 Writable: TypeAlias = "bool | int | float | str | Sequence[Writable] | Mapping[str, Writable] | None"
 
 LONGEST_EXTRA = 4096

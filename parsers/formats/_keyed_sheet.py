@@ -13,19 +13,6 @@ from calibrary.parsers.format import STATED
 from calibrary.parsers.formats._text_rows import text_of
 from calibrary.records import replace
 
-__all__ = [
-    "CAMERA",
-    "COEFFICIENTS",
-    "COMMENT",
-    "MM",
-    "SEPARATOR",
-    "Entry",
-    "Sheet",
-    "matched",
-    "taken_apart",
-    "term",
-]
-
 MAX_BYTES = 256 * 1024
 """Longest file, about a hundred pages."""
 LONGEST_ROW = 2000

@@ -21,8 +21,6 @@ from calibrary.parsers.document import accounted
 from calibrary.parsers.formats._mcos import Objects
 from calibrary.records import Json
 
-__all__ = ["HEADER", "Variables", "variables"]
-
 HEADER = b"MATLAB 5.0 MAT-file"
 HEADER_BYTES = 128
 LARGEST = 4 * 1024 * 1024

@@ -36,8 +36,6 @@ from calibrary.parsers.formats._taylor import taylor_lens, upper_triangle
 from calibrary.parsers.text import image_size
 from calibrary.records import Json, replace
 
-__all__ = ["CONVENTION", "cameras", "is_camera"]
-
 CONVENTION: Final = Convention(
     origin=Origin.FIRST_IS_ONE,
     coefficients=("k1", "k2", "k3", "p1", "p2"),

@@ -24,8 +24,6 @@ from itertools import pairwise
 
 from calibrary.records import Json
 
-__all__ = ["MARK", "Objects"]
-
 MARK = 0xDD000000
 """First number of a reference to objects."""
 HEAD_BYTES = 40

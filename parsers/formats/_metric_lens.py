@@ -11,8 +11,6 @@ from calibrary.calibration import Calibration
 from calibrary.parsers import text as strict
 from calibrary.parsers.convention import SizeMm
 
-__all__ = ["normalised", "per_length", "sensor_extra", "sensor_mm_of"]
-
 RADIAL_POWERS = (2, 4, 6, 8)
 NOMINAL_WIDTH_MM = 36.0
 """Sensor width assumed if none is stated; it cancels out if all lengths in a file depend on it."""

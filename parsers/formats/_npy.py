@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 
 from calibrary.errors import ParseError
 
-__all__ = ["LONGEST_HEADER", "MAGIC", "array", "is_numeric", "is_of_objects", "text"]
-
 MAGIC = b"\x93NUMPY"
 LONGEST_HEADER = 4096
 # The header is a Python literal; a pattern reads the three entries that every writer makes, without evaluation.

@@ -15,8 +15,6 @@ from calibrary.parsers.format import ReadContext
 from calibrary.parsers.formats import _file_storage as storage
 from calibrary.parsers.formats._opencv_lens import COUNTS, lens
 
-__all__ = ["ORIGIN_UNKNOWN", "camera", "fisheye", "native_of", "opencv_lens", "refuse_model", "size_of"]
-
 ORIGIN_UNKNOWN = "the file does not say how its numbers came about; they were taken as derived"
 
 

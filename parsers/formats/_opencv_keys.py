@@ -13,17 +13,6 @@ from calibrary.parsers import text as strict
 from calibrary.parsers.document import Node
 from calibrary.parsers.formats import _file_storage as storage
 
-__all__ = [
-    "COEFFICIENTS",
-    "FOREIGN_KEYS",
-    "GRADE_KEY",
-    "MATRIX",
-    "METASHAPE_SPELLING",
-    "Keys",
-    "is_fisheye",
-    "simplified",
-]
-
 # Keys are compared in lower case without "_", "-", "." and spaces.
 MATRIX_KEYS = (
     "cameramatrix", "cameramat", "cameramtx", "cammatrix", "cammtx", "intrinsicmatrix", "intrinsics", "intrinsic",

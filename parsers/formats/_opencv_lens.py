@@ -23,8 +23,6 @@ from calibrary.distortion import (
 from calibrary.distortion.opencv import OpenCVDistortion
 from calibrary.errors import ParseError
 
-__all__ = ["COUNTS", "BrownWithoutK3", "lens", "of_radius", "smallest_lens"]
-
 _MODELS: dict[int, type[Distortion]] = {
     0: NoDistortion,
     4: BrownConrady,

@@ -20,18 +20,6 @@ from calibrary.parsers.opensfm_models import (
 )
 from calibrary.records import Json, replace
 
-__all__ = [
-    "MAX_CAMERAS",
-    "NAME",
-    "Named",
-    "camera_names",
-    "cameras",
-    "fresh",
-    "is_full_name",
-    "plain_name",
-    "written",
-]
-
 Named: TypeAlias = tuple[str, Node, int | None]
 """A camera's name, its object, and the number of its images."""
 

@@ -33,20 +33,6 @@ from calibrary.parsers.document import Node
 from calibrary.parsers.format import Sniff, Sure
 from calibrary.records import Json
 
-__all__ = [
-    "CONVENTION",
-    "PROJECT_MARK",
-    "extras",
-    "identity",
-    "image_size",
-    "internals",
-    "labels",
-    "optics",
-    "resources",
-    "sensors",
-    "sniffed",
-]
-
 CONVENTION = Convention(
     origin=Origin.CORNER,
     coefficients=("R1", "R2", "R3", "T1", "T2"),

@@ -21,8 +21,6 @@ from calibrary.errors import ParseError
 from calibrary.parsers.convention import Convention, Direction, Native, Origin, Tangential, Unit
 from calibrary.parsers.formats._metric_lens import normalised
 
-__all__ = ["CONVENTION", "PARAMETERS", "optics"]
-
 LENS = ("K1", "K2", "K3", "P1", "P2")
 PARAMETERS = ("F", "Xp", "Yp", "Fw", "Fh", *LENS)
 

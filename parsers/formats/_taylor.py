@@ -8,8 +8,6 @@ from collections.abc import Sequence
 from calibrary.distortion.scaramuzza import Scaramuzza
 from calibrary.errors import ParseError, UnsupportedModelError
 
-__all__ = ["taylor_lens", "upper_triangle"]
-
 MOST_READ = 5
 LONGEST_PX = 1e9
 """Largest focal length, far above any camera's, whose cube is still a number."""

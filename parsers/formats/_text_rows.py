@@ -5,8 +5,6 @@ from __future__ import annotations
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
 
-__all__ = ["rows_of", "text_of"]
-
 MAX_BYTES = 1024 * 1024
 """Longest file; a thousand times the length of one camera."""
 

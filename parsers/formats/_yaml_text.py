@@ -11,8 +11,6 @@ from collections.abc import Iterable
 
 from calibrary.records import Json
 
-__all__ = ["decimal", "flow", "scalar"]
-
 
 def decimal(value: float) -> str:
     """A number with all digits, valid in YAML 1.1 and 1.2."""

@@ -41,8 +41,6 @@ from calibrary.parsers.xml import parse_xml
 if TYPE_CHECKING:
     from lxml.etree import _Element
 
-__all__ = ["FORMAT"]
-
 CONVENTION = Convention(
     unit=Unit.LONGER_SIDE,
     origin=Origin.CORNER,

@@ -75,8 +75,6 @@ from calibrary.quality import Covariance, Quality
 if TYPE_CHECKING:
     from lxml.etree import _Element
 
-__all__ = ["COVARIANCE", "FORMAT", "read_covariance", "read_elements", "written_covariance"]
-
 COVARIANCE: Final = "covariance"
 MOST: Final = 32
 SLIGHTLY_NEGATIVE: Final = -1e-9

@@ -26,8 +26,6 @@ from calibrary.parsers.convention import Convention, Native, Tangential
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._text_rows import text_of
 
-__all__ = ["FORMAT"]
-
 COUNT = 8
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,

@@ -39,8 +39,6 @@ from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._json_text import loaded
 
-__all__ = ["FORMAT"]
-
 Version: TypeAlias = tuple[int, int, int]
 
 CONVENTION = Convention(

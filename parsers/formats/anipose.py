@@ -34,8 +34,6 @@ from calibrary.parsers.formats._one_camera import camera, fisheye, native_of, op
 from calibrary.parsers.formats._text_rows import text_of
 from calibrary.parsers.text import shown
 
-__all__ = ["FORMAT"]
-
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     coefficients=("k1", "k2", "p1", "p2", "k3"),

@@ -29,8 +29,6 @@ from calibrary.parsers.formats._one_camera import camera
 from calibrary.parsers.formats._opencv_lens import lens
 from calibrary.records import replace
 
-__all__ = ["FORMAT"]
-
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     tangential=Tangential.NONE,

@@ -26,8 +26,6 @@ from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._text_rows import text_of
 
-__all__ = ["FORMAT"]
-
 FAMILY = "ARToolKitPlus_CamCal_"
 HEADING = "ARToolKitPlus_CamCal_Rev02"
 CONVENTION = Convention(

@@ -57,8 +57,6 @@ from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure,
 from calibrary.parsers.formats._metric_lens import normalised
 from calibrary.parsers.formats._text_rows import rows_of
 
-__all__ = ["FORMAT"]
-
 CONVENTION = Convention(
     origin=Origin.CORNER,
     coefficients=("k1", "k2", "k3", "p1", "p2"),

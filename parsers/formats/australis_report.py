@@ -46,8 +46,6 @@ from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure,
 from calibrary.parsers.formats._metric_lens import normalised, per_length
 from calibrary.parsers.formats._text_rows import rows_of
 
-__all__ = ["FORMAT"]
-
 TITLE = "Australis Bundle Adjustment Results"
 PARAMETERS = ("C", "XP", "YP", "K1", "K2", "K3", "P1", "P2", "B1", "B2")
 LENS = PARAMETERS[3:]

@@ -28,8 +28,6 @@ from calibrary.parsers.formats._json_text import loaded
 from calibrary.parsers.formats._one_camera import camera, refuse_model
 from calibrary.parsers.formats._opencv_lens import lens
 
-__all__ = ["FORMAT"]
-
 CONVENTION = Convention(
     unit=Unit.EACH_SIDE,
     origin=Origin.CORNER,

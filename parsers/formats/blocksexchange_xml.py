@@ -42,8 +42,6 @@ from calibrary.records import replace
 if TYPE_CHECKING:
     from lxml.etree import _Element
 
-__all__ = ["FORMAT"]
-
 ROOTS = ("BlocksExchange", "Photogroups", "Photogroup")
 MAX_BYTES = 12 * 1024 * 1024
 """Some fifteen thousand photos; tie points, which a block may hold as well, are better left out."""

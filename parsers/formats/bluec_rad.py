@@ -35,8 +35,6 @@ from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure,
 from calibrary.parsers.formats._opencv_lens import BrownWithoutK3
 from calibrary.parsers.formats._text_rows import text_of
 
-__all__ = ["FORMAT"]
-
 MATRIX = tuple(f"K{row}{column}" for row in "123" for column in "123")
 COEFFICIENTS = ("kc1", "kc2", "kc3", "kc4")
 SKEW = "alpha_c"

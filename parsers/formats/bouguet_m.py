@@ -36,8 +36,6 @@ from calibrary.parsers.convention import Convention, Native
 from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._text_rows import text_of
 
-__all__ = ["DISTORTION", "FORMAT", "WANTED", "camera_of"]
-
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     coefficients=("k1", "k2", "p1", "p2", "k3"),

@@ -37,8 +37,6 @@ from calibrary.parsers.convention import Convention, Native, Origin, Tangential,
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.on_demand import make_a_camera, on_demand
 
-__all__ = ["FORMAT"]
-
 MARK = b"# Bundle file v"
 VERSIONS = ("0.3", "0.4")
 LIST = "list.txt"

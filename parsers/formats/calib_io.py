@@ -28,8 +28,6 @@ from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._json_text import loaded
 from calibrary.parsers.formats._opencv_lens import smallest_lens
 
-__all__ = ["FORMAT"]
-
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE, remarks=("fx = f, fy = f·ar", "coefficients are named as OpenCV's")
 )

@@ -41,8 +41,6 @@ from calibrary.parsers.formats._colmap import (
 )
 from calibrary.parsers.on_demand import Columns
 
-__all__ = ["FORMAT"]
-
 COUNT = struct.Struct("<Q")
 HEAD = struct.Struct("<IiQQ")
 LONGEST_SIDE_PX = 1_000_000

@@ -40,8 +40,6 @@ from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._colmap import CONVENTION, MAX_CAMERAS, StoredCamera, cameras
 from calibrary.records import replace
 
-__all__ = ["FORMAT"]
-
 MAGIC = b"SQLite format 3\0"
 HEADER_BYTES = 100
 LARGEST_PAGE = 65_536

@@ -40,8 +40,6 @@ from calibrary.parsers.formats._colmap import (
 )
 from calibrary.parsers.on_demand import FEW, Columns
 
-__all__ = ["FORMAT"]
-
 HEADING = (
     "# Camera list with one line of data per camera:",
     "#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]",

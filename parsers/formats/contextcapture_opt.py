@@ -25,8 +25,6 @@ from calibrary.parsers.formats._bentley import CONVENTION, perspective_camera
 from calibrary.parsers.text import shown
 from calibrary.parsers.xml import parse_xml
 
-__all__ = ["FORMAT"]
-
 ROOT = "OpticalProperties"
 MAX_BYTES = 1024 * 1024
 ASSUMPTION = (

@@ -29,8 +29,6 @@ from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._json_text import loaded
 from calibrary.parsers.formats._opencv_lens import COUNTS, smallest_lens
 
-__all__ = ["FORMAT"]
-
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     coefficients=("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y"),

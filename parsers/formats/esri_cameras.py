@@ -33,8 +33,6 @@ from calibrary.parsers.formats._one_camera import ORIGIN_UNKNOWN, camera
 from calibrary.parsers.formats._text_rows import rows_of
 from calibrary.records import replace
 
-__all__ = ["FORMAT"]
-
 COLUMNS = (
     "ObjectID",
     "CameraID",

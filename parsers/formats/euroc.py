@@ -49,8 +49,6 @@ from calibrary.parsers.formats._opencv_lens import BrownWithoutK3, lens
 from calibrary.parsers.formats._taylor import taylor_lens, upper_triangle
 from calibrary.parsers.formats._yaml_text import flow, scalar
 
-__all__ = ["FORMAT"]
-
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     coefficients=("k1", "k2", "p1", "p2"),

@@ -35,8 +35,6 @@ from calibrary.parsers.formats._opencv_lens import lens
 from calibrary.parsers.formats._taylor import taylor_lens, upper_triangle
 from calibrary.records import replace
 
-__all__ = ["FORMAT"]
-
 CONVENTION = Convention(origin=Origin.PIXEL_CENTRE, remarks=("the names of the parameters tell the model",))
 PLACE = ("fx", "fy", "cx", "cy")
 MODEL = Option(

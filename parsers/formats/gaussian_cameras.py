@@ -22,8 +22,6 @@ from calibrary.parsers.formats._json_text import loaded
 from calibrary.parsers.formats._one_camera import camera
 from calibrary.records import replace
 
-__all__ = ["FORMAT"]
-
 CONVENTION = Convention(
     origin=Origin.IMAGE_CENTRE,
     tangential=Tangential.NONE,

@@ -32,8 +32,6 @@ from calibrary.parsers.formats._opencv_lens import of_radius
 from calibrary.parsers.formats._text_rows import rows_of
 from calibrary.records import replace
 
-__all__ = ["FORMAT"]
-
 CONVENTION = Convention(
     origin=Origin.IMAGE_CENTRE,
     tangential=Tangential.NONE,

@@ -41,8 +41,6 @@ from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._text_rows import rows_of
 
-__all__ = ["FORMAT"]
-
 MAX_BYTES = 12 * 1024 * 1024
 """A project of some ten thousand photos, each of which has its own block."""
 

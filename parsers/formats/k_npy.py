@@ -35,8 +35,6 @@ from calibrary.parsers.formats._npy import MAGIC, array
 from calibrary.parsers.formats.pinhole_json import ORIGIN, chosen_origin
 from calibrary.records import replace
 
-__all__ = ["FORMAT", "matrix_file"]
-
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     tangential=Tangential.NONE,

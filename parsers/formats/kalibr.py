@@ -48,8 +48,6 @@ from calibrary.parsers.formats._json_text import restored
 from calibrary.parsers.formats._opencv_lens import BrownWithoutK3
 from calibrary.parsers.formats._yaml_text import flow, scalar
 
-__all__ = ["FORMAT", "camera_of"]
-
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     coefficients=("k1", "k2", "p1", "p2"),

@@ -45,8 +45,6 @@ from calibrary.parsers.formats import kalibr
 from calibrary.parsers.formats._text_rows import text_of
 from calibrary.records import Json, replace
 
-__all__ = ["FORMAT"]
-
 MODELS = {
     "PinholeCameraGeometry": ("pinhole", "none"),
     "DistortedPinholeCameraGeometry": ("pinhole", "radtan"),

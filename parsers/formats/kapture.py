@@ -43,8 +43,6 @@ from calibrary.parsers.formats._text_rows import rows_of
 from calibrary.parsers.formats.pinhole_json import ORIGIN
 from calibrary.records import replace
 
-__all__ = ["FORMAT"]
-
 CONVENTION = Convention(
     origin=Origin.CORNER,
     remarks=(

@@ -64,8 +64,6 @@ from calibrary.parsers.formats._one_camera import native_of
 from calibrary.parsers.formats._opencv_keys import MATRIX, simplified
 from calibrary.records import Json, replace
 
-__all__ = ["FORMAT"]
-
 CONVENTION = Convention(
     origin=Origin.CORNER,
     remarks=("pixels or millimetres, as each key states", "principal_point_origin and y_axis are followed"),

@@ -49,8 +49,6 @@ from calibrary.records import replace
 if TYPE_CHECKING:
     from lxml.etree import _Element
 
-__all__ = ["FORMAT", "PROFILE"]
-
 CONVENTION = Convention(
     unit=Unit.MILLIMETRE,
     origin=Origin.IMAGE_CENTRE,

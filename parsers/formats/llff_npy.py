@@ -27,8 +27,6 @@ from calibrary.parsers.formats._one_camera import camera
 from calibrary.quality import Quality
 from calibrary.records import replace
 
-__all__ = ["FORMAT"]
-
 CONVENTION = Convention(
     origin=Origin.IMAGE_CENTRE,
     tangential=Tangential.NONE,

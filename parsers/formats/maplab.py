@@ -37,8 +37,6 @@ from calibrary.parsers.formats._one_camera import camera, fisheye, refuse_model
 from calibrary.parsers.formats._opencv_lens import lens
 from calibrary.parsers.text import check_count
 
-__all__ = ["FORMAT"]
-
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     coefficients=("k1", "k2", "p1", "p2"),

@@ -19,8 +19,6 @@ from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats import _file_storage as storage
 from calibrary.parsers.formats._matlab_camera import CONVENTION, cameras, is_camera
 
-__all__ = ["FORMAT"]
-
 
 def sniff(content: Content) -> Sniff | None:
     """MATLAB's names of the distortion beside those of K."""

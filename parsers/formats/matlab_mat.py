@@ -28,8 +28,6 @@ from calibrary.parsers.formats._opencv_keys import MATRIX, simplified
 from calibrary.parsers.text import shown
 from calibrary.records import Json
 
-__all__ = ["FORMAT"]
-
 HDF5 = b"MATLAB 7.3 MAT-file"
 MAX_BYTES = 16 * 1024 * 1024
 WAY_OUT = (

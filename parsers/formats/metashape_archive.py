@@ -25,8 +25,6 @@ from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats import metashape_document
 from calibrary.parsers.text import shown
 
-__all__ = ["FORMAT"]
-
 DOCUMENT = "doc.xml"
 MAX_BYTES = metashape_document.MAX_BYTES
 LOCAL_HEADER = b"PK\x03\x04"

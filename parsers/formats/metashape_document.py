@@ -45,8 +45,6 @@ from calibrary.records import replace
 if TYPE_CHECKING:
     from lxml.etree import _Element
 
-__all__ = ["FORMAT"]
-
 ROOTS = ("document", "chunk", "sensor")
 MAX_BYTES = 12 * 1024 * 1024
 """Some fifteen thousand photos."""

@@ -50,8 +50,6 @@ from calibrary.parsers.formats._opencv_lens import lens
 from calibrary.parsers.formats._text_rows import text_of
 from calibrary.records import Json
 
-__all__ = ["FORMAT"]
-
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     coefficients=("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4"),

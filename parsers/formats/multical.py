@@ -33,8 +33,6 @@ from calibrary.parsers.formats._one_camera import (
 )
 from calibrary.parsers.text import check_count
 
-__all__ = ["FORMAT"]
-
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     coefficients=("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y"),

@@ -22,8 +22,6 @@ from calibrary.parsers.formats._json_text import loaded
 from calibrary.parsers.formats._opencv_keys import COEFFICIENTS, MATRIX, simplified
 from calibrary.records import Json, replace
 
-__all__ = ["FORMAT"]
-
 MAX_CAMERAS = 1000
 
 

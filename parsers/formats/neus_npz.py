@@ -31,8 +31,6 @@ from calibrary.parsers.formats.projection_matrix import SMALLEST_FOCAL_PX, upper
 from calibrary.quality import Quality
 from calibrary.records import replace
 
-__all__ = ["FORMAT"]
-
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     tangential=Tangential.NONE,

@@ -36,8 +36,6 @@ from calibrary.parsers.formats.pinhole_json import ORIGIN, chosen_origin
 from calibrary.parsers.text import shown
 from calibrary.records import Json, replace
 
-__all__ = ["FORMAT", "arrays", "names_of"]
-
 OPENCV = (
     "the arrays are what OpenCV's functions return, so cx and cy count from the centre of the top-left pixel"
 )

@@ -39,8 +39,6 @@ from calibrary.parsers.convention import Convention, Direction, Native, Origin, 
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.on_demand import make_a_camera, on_demand
 
-__all__ = ["FORMAT"]
-
 ROTATIONS = {"NVM_V3": 4, "NVM_V3_R9T": 9}
 """How many numbers a rotation has, by the first word."""
 LONGEST_LINE = 10_000

@@ -34,8 +34,6 @@ from calibrary.parsers.formats._opensfm import (
 )
 from calibrary.parsers.opensfm_models import CONVENTION
 
-__all__ = ["FORMAT"]
-
 
 def sniff(content: Content) -> Sniff | None:
     """Cameras with a projection type, under OpenSfM's names without their mark."""

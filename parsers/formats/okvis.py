@@ -29,8 +29,6 @@ from calibrary.parsers.formats import _file_storage as storage
 from calibrary.parsers.formats._one_camera import camera, fisheye, refuse_model, size_of
 from calibrary.parsers.formats._opencv_lens import lens
 
-__all__ = ["FORMAT"]
-
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     coefficients=("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),

@@ -24,8 +24,6 @@ from calibrary.parsers.formats._json_text import loaded
 from calibrary.parsers.formats._one_camera import ORIGIN_UNKNOWN, camera, native_of
 from calibrary.records import Json, replace
 
-__all__ = ["FORMAT"]
-
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     tangential=Tangential.NONE,

@@ -74,8 +74,6 @@ from calibrary.parsers.formats._opencv_keys import (
 from calibrary.records import Json
 from calibrary.strictjson import parse_json
 
-__all__ = ["FORMAT", "cameras", "tree_of"]
-
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     coefficients=("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y"),

@@ -34,8 +34,6 @@ from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._json_text import loaded
 from calibrary.records import replace
 
-__all__ = ["FORMAT"]
-
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     coefficients=("k1", "k2", "k3", "t1", "t2"),

@@ -40,8 +40,6 @@ from calibrary.parsers.formats._opensfm import (
 from calibrary.parsers.opensfm_models import CONVENTION
 from calibrary.records import Json
 
-__all__ = ["FORMAT"]
-
 EVERY_CAMERA = "all"
 
 

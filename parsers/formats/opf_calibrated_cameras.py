@@ -28,8 +28,6 @@ from calibrary.parsers.formats import _opf
 from calibrary.parsers.formats._json_text import loaded
 from calibrary.records import Json
 
-__all__ = ["FORMAT"]
-
 MARK = "application/opf-calibrated-cameras+json"
 INPUT_MARK = "application/opf-input-cameras+json"
 INPUT_NAMES = ("input_cameras.json", "input-cameras.json")

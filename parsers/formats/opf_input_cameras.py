@@ -23,8 +23,6 @@ from calibrary.parsers.format import Format, ReadContext, Sniff
 from calibrary.parsers.formats import _opf
 from calibrary.parsers.formats._json_text import loaded
 
-__all__ = ["FORMAT"]
-
 MARK = "application/opf-input-cameras+json"
 PREFIX = "opf_input_cameras/"
 KNOWN = frozenset({"image_size_px", "internals"})

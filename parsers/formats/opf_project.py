@@ -28,8 +28,6 @@ from calibrary.parsers.formats import _opf, opf_calibrated_cameras, opf_input_ca
 from calibrary.parsers.formats._json_text import loaded
 from calibrary.records import replace
 
-__all__ = ["FORMAT"]
-
 
 def sniff(content: Content) -> Sniff | None:
     """The document names its format."""

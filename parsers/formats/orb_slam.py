@@ -39,8 +39,6 @@ from calibrary.parsers.formats import _file_storage as storage
 from calibrary.parsers.formats._opencv_lens import COUNTS, lens
 from calibrary.parsers.formats._text_rows import text_of
 
-__all__ = ["FORMAT"]
-
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     remarks=("coefficients are named; KannalaBrandt8's four are k1, k2, k3, k4",),

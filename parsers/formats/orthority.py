@@ -31,8 +31,6 @@ from calibrary.parsers.formats._one_camera import ORIGIN_UNKNOWN, camera, fishey
 from calibrary.parsers.formats._opencv_lens import smallest_lens
 from calibrary.records import replace
 
-__all__ = ["FORMAT"]
-
 CONVENTION = Convention(
     origin=Origin.IMAGE_CENTRE,
     coefficients=("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tx", "ty"),

@@ -29,8 +29,6 @@ from calibrary.parsers.formats import _photomodeler
 from calibrary.parsers.formats._photomodeler import PARAMETERS
 from calibrary.parsers.formats._text_rows import rows_of
 
-__all__ = ["FORMAT"]
-
 MAX_BYTES = 16 * 1024 * 1024
 """Some thirty thousand images."""
 

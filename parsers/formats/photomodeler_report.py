@@ -40,8 +40,6 @@ from calibrary.parsers.formats import _photomodeler
 from calibrary.parsers.formats._photomodeler import PARAMETERS
 from calibrary.parsers.formats._text_rows import rows_of
 
-__all__ = ["FORMAT"]
-
 MAX_BYTES = 2 * 1024 * 1024
 """Every photo has its own lines; this is some three thousand."""
 

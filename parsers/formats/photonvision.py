@@ -28,8 +28,6 @@ from calibrary.parsers.formats._one_camera import camera, fisheye, native_of, op
 from calibrary.parsers.text import check_count
 from calibrary.records import replace
 
-__all__ = ["FORMAT"]
-
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     coefficients=("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),

@@ -30,8 +30,6 @@ from calibrary.parsers.formats._one_camera import camera
 from calibrary.parsers.formats._opencv_lens import smallest_lens
 from calibrary.records import replace
 
-__all__ = ["FORMAT", "ORIGIN", "chosen_origin"]
-
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     coefficients=("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),

@@ -38,8 +38,6 @@ from calibrary.parsers.formats._metric_lens import sensor_extra, sensor_mm_of
 from calibrary.parsers.formats._text_rows import rows_of
 from calibrary.records import replace
 
-__all__ = ["FORMAT"]
-
 COEFFICIENTS = ("K1", "K2", "K3", "T1", "T2")
 KEYS = ("F", "Px", "Py", *COEFFICIENTS)
 CONVENTION = Convention(

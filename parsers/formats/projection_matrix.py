@@ -29,8 +29,6 @@ from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._text_rows import text_of
 from calibrary.records import replace
 
-__all__ = ["FORMAT", "SMALLEST_FOCAL_PX", "upper_triangle"]
-
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     tangential=Tangential.NONE,

@@ -37,8 +37,6 @@ from calibrary.records import replace
 if TYPE_CHECKING:
     from lxml.etree import _Element
 
-__all__ = ["FORMAT"]
-
 CONVENTION = Convention(
     origin=Origin.CORNER,
     coefficients=("k1", "k2", "k3", "p1", "p2"),

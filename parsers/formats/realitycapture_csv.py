@@ -41,8 +41,6 @@ from calibrary.parsers.formats.realitycapture_xmp import (
 )
 from calibrary.records import replace
 
-__all__ = ["FORMAT"]
-
 PLACE = ("f", "px", "py")
 COLUMNS = ("name", *PLACE, *COEFFICIENTS)
 MAX_BYTES = 8 * 1024 * 1024

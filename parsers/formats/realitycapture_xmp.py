@@ -33,8 +33,6 @@ from calibrary.parsers.xml import parse_xml
 if TYPE_CHECKING:
     from lxml.etree import _Element
 
-__all__ = ["COEFFICIENTS", "CONVENTION", "FILM_WIDTH_MM", "FORMAT", "MIDDLE", "TANGENTIAL", "brown"]
-
 COEFFICIENTS = ("k1", "k2", "k3", "k4", "t1", "t2")
 CONVENTION = Convention(
     unit=Unit.LONGER_SIDE,

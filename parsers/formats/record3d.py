@@ -25,8 +25,6 @@ from calibrary.parsers.formats._json_text import loaded
 from calibrary.parsers.formats._one_camera import camera, native_of
 from calibrary.records import replace
 
-__all__ = ["FORMAT"]
-
 CONVENTION = Convention(
     origin=Origin.CORNER,
     tangential=Tangential.NONE,

@@ -48,8 +48,6 @@ from calibrary.parsers.formats._text_rows import text_of
 from calibrary.parsers.formats._yaml_text import flow, scalar
 from calibrary.strictyaml import load_yaml
 
-__all__ = ["FORMAT"]
-
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     coefficients=("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),

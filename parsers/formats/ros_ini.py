@@ -51,8 +51,6 @@ from calibrary.parsers.formats._bound_extras import bound, unbound
 from calibrary.parsers.formats._opencv_lens import COUNTS, lens
 from calibrary.parsers.formats._text_rows import text_of
 
-__all__ = ["FORMAT"]
-
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     coefficients=("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),

@@ -25,8 +25,6 @@ from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats import _file_storage as storage
 from calibrary.parsers.formats._one_camera import camera, native_of, opencv_lens
 
-__all__ = ["FORMAT"]
-
 CONVENTION = Convention(origin=Origin.PIXEL_CENTRE, coefficients=("k1", "k2", "p1", "p2", "k3"))
 DEVICES = {
     "camera": ("Kc", "kc", "frameWidth", "frameHeight"),

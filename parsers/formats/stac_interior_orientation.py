@@ -29,8 +29,6 @@ from calibrary.parsers.formats._json_text import Writable, dumped, loaded
 from calibrary.parsers.formats._metric_lens import sensor_extra, sensor_mm_of
 from calibrary.parsers.formats._one_camera import ORIGIN_UNKNOWN, size_of
 
-__all__ = ["FORMAT", "interior_orientation"]
-
 FIELD = "pers:interior_orientation"
 SENSOR = "stac_interior_orientation/sensor_mm"
 REFUSED = ("radial_distortion", "affine_distortion")

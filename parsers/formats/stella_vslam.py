@@ -42,8 +42,6 @@ from calibrary.parsers.formats._opencv_lens import lens
 from calibrary.parsers.formats._yaml_text import decimal, scalar
 from calibrary.records import replace
 
-__all__ = ["FORMAT"]
-
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     remarks=("coefficients are named; fisheye's four are k1, k2, k3, k4",),

@@ -32,8 +32,6 @@ from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._text_rows import text_of
 from calibrary.records import replace
 
-__all__ = ["FORMAT"]
-
 HEADING = "[TerraPhoto calibration]"
 CONVENTION = Convention(
     origin=Origin.IMAGE_CENTRE,

@@ -31,8 +31,6 @@ from calibrary.parsers.formats._opencv_lens import lens
 from calibrary.parsers.formats.pinhole_json import ORIGIN, chosen_origin
 from calibrary.records import replace
 
-__all__ = ["FORMAT"]
-
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     coefficients=("k1", "k2", "k3", "p1", "p2"),

@@ -37,8 +37,6 @@ from calibrary.parsers.formats._json_text import Writable, dumped, extra, loaded
 from calibrary.parsers.formats._opencv_keys import simplified
 from calibrary.records import Json, replace
 
-__all__ = ["FORMAT"]
-
 CONVENTION = Convention(
     origin=Origin.CORNER,
     coefficients=("k1", "k2", "p1", "p2", "k3", "k4"),

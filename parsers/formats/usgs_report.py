@@ -36,8 +36,6 @@ from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._metric_lens import normalised
 from calibrary.parsers.formats._text_rows import text_of
 
-__all__ = ["FORMAT"]
-
 RADIAL = ("K0", "K1", "K2", "K3", "K4")
 DECENTRING = ("P1", "P2", "P3", "P4")
 CONVENTION = Convention(

@@ -40,8 +40,6 @@ from calibrary.parsers.formats._one_camera import camera, fisheye, refuse_model
 from calibrary.parsers.formats._opencv_lens import lens
 from calibrary.records import replace
 
-__all__ = ["FORMAT"]
-
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     coefficients=("cam_d0", "cam_d1", "cam_d2", "cam_d3"),

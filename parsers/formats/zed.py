@@ -37,8 +37,6 @@ from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._opencv_lens import smallest_lens
 from calibrary.parsers.formats._text_rows import text_of
 
-__all__ = ["FORMAT"]
-
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
     remarks=("coefficients are named, k4 to k6 divide", "k1 to k4 without p1 are a fisheye's"),

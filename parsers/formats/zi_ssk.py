@@ -38,8 +38,6 @@ from calibrary.parsers.convention import Convention, Native, Origin, Tangential,
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._text_rows import rows_of
 
-__all__ = ["FORMAT"]
-
 BEGIN, END = "begin camera_parameters", "end camera_parameters"
 ONLY_KNOWN = {
     "camera_type": "frame",

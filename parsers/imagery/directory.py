@@ -18,8 +18,6 @@ from msgspec import Struct
 from calibrary.evidence.metadata import TagFault
 from calibrary.parsers.imagery.source import Block
 
-__all__ = ["Directory", "Entry", "Tiff"]
-
 MAX_ENTRIES = 4096
 """Most entries of a directory; the largest real ones contain about two hundred."""
 

@@ -26,22 +26,6 @@ from calibrary.parsers.imagery.directory import Directory, Entry, Tiff
 from calibrary.parsers.imagery.source import Block
 from calibrary.parsers.xml import parse_xml
 
-__all__ = [
-    "EXIF_POINTER",
-    "NO_EXIF",
-    "TAG_NAMES",
-    "TEXT_TAGS",
-    "ExifFields",
-    "ExifTag",
-    "ExifValues",
-    "GdalMetadata",
-    "decode",
-    "mirrored_exif",
-    "read_block",
-    "read_directories",
-    "read_gdal_metadata",
-]
-
 
 class ExifTag:
     """Numbers of the tags that are read, from TIFF 6.0, CIPA DC-008, and DNG for the serial number."""

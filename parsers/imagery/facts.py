@@ -20,8 +20,6 @@ from calibrary.evidence.metadata import FocalPlaneUnit, TagFault
 from calibrary.parsers.imagery.exif import TAG_NAMES, ExifTag, ExifValues
 from calibrary.parsers.imagery.head import MAX_SIDE
 
-__all__ = ["MAX_TEXT", "ExifFacts", "as_number", "clean_serial", "clean_text", "exif_facts"]
-
 N = TypeVar("N", int, float)
 
 SMALLEST, LARGEST = 1 / 0xFFFFFFFF, float(0xFFFFFFFF)

@@ -8,8 +8,6 @@ from calibrary.calibration import ImageSize
 from calibrary.evidence.metadata import Encoding, TagFault
 from calibrary.parsers.imagery.source import Block, Source
 
-__all__ = ["MAX_SIDE", "MAX_XMP_BYTES", "Head", "checked_size"]
-
 MAX_XMP_BYTES = 2 * 1024 * 1024
 """Longest XMP packet. Longer ones contain a depth map and nothing about the camera; a hostile packet of this length
 takes about 130 MB as a tree."""

@@ -16,8 +16,6 @@ from calibrary.evidence.metadata import TagFault
 from calibrary.parsers.imagery.head import MAX_XMP_BYTES, Head, checked_size
 from calibrary.parsers.imagery.source import Block, Source
 
-__all__ = ["is_heif", "read_heif"]
-
 BRANDS = frozenset(
     {b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"mif2", b"msf1", b"avif", b"avis"}
 )

@@ -19,8 +19,6 @@ from calibrary.evidence.metadata import Encoding, TagFault
 from calibrary.parsers.imagery.head import MAX_XMP_BYTES, Head, checked_size
 from calibrary.parsers.imagery.source import FIRST_CHUNK, Block, Source
 
-__all__ = ["SIGNATURE", "read_jpeg"]
-
 SIGNATURE = b"\xff\xd8\xff"
 EXIF_HEADER = b"Exif\0"
 XMP_HEADER = b"http://ns.adobe.com/xap/1.0/\0"

@@ -12,8 +12,6 @@ from calibrary.evidence.metadata import TagFault
 from calibrary.parsers.imagery.head import MAX_XMP_BYTES, Head, checked_size
 from calibrary.parsers.imagery.source import Block, Source
 
-__all__ = ["SIGNATURE", "read_png"]
-
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 XMP_KEYWORD = b"XML:com.adobe.xmp\0"
 

@@ -28,8 +28,6 @@ from calibrary.parsers.imagery.thumbnail import shows_whole_frame
 from calibrary.parsers.imagery.xmp import SerialRank, XmpFacts, XmpWords, read_xmp, xmp_facts
 from calibrary.records import replace
 
-__all__ = ["begins_as_image", "read_metadata", "read_source"]
-
 _PLACEHOLDERS = {
     b"version https://git-lfs.github.com/spec/": "Git LFS pointer; run `git lfs pull`",
     b"/annex/objects/": "git-annex pointer; run `git annex get`",

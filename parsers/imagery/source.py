@@ -15,8 +15,6 @@ from typing import BinaryIO
 
 from calibrary.errors import InputError, ParseError
 
-__all__ = ["FIRST_CHUNK", "READ_BUDGET", "Block", "Source", "open_source"]
-
 FIRST_CHUNK = 16 * 1024
 """Bytes of the first read: contains the EXIF directories, and in half of all files everything needed."""
 

@@ -19,8 +19,6 @@ from calibrary.parsers.imagery.reader import begins_as_image
 from calibrary.parsers.imagery.source import Block, open_source
 from calibrary.parsers.imagery.taken import exif_block
 
-__all__ = ["list_tags"]
-
 MAX_VALUE: Final = 80
 """Most characters of a value."""
 

@@ -29,8 +29,6 @@ from calibrary.parsers.imagery.directory import Directory, Tiff
 from calibrary.parsers.imagery.exif import EXIF_POINTER
 from calibrary.parsers.imagery.source import Block, Source, open_source
 
-__all__ = ["Fix", "day_of", "exif_block", "fix_of", "focus_of", "taken_on"]
-
 ORIGINAL: Final = 0x9003
 DIGITIZED: Final = 0x9004
 MODIFIED: Final = 0x0132

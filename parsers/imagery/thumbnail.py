@@ -16,8 +16,6 @@ from calibrary.errors import ParseError
 from calibrary.parsers.imagery.directory import Tiff
 from calibrary.parsers.imagery.source import Block, Source
 
-__all__ = ["shows_whole_frame"]
-
 MAX_BYTES: Final = 12 * 1024 * 1024
 MAX_PIXELS: Final = 64_000_000
 MAX_THUMBNAIL_BYTES: Final = 64 * 1024

@@ -26,8 +26,6 @@ from calibrary.parsers.imagery.exif import (
 from calibrary.parsers.imagery.head import MAX_XMP_BYTES, Head, checked_size
 from calibrary.parsers.imagery.source import Source
 
-__all__ = ["SIGNATURES", "TiffHead", "read_tiff"]
-
 SIGNATURES = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 
 NEW_SUBFILE_TYPE, SUBFILE_TYPE, WIDTH, LENGTH, SUB_IFDS = 0x00FE, 0x00FF, 0x0100, 0x0101, 0x014A

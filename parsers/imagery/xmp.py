@@ -27,20 +27,6 @@ from calibrary.parsers.xml import parse_xml
 if TYPE_CHECKING:
     from lxml.etree import _Element
 
-__all__ = [
-    "NAMESPACES",
-    "PROPERTIES",
-    "SERIALS",
-    "SOFTWARE",
-    "TIFF_MAKE",
-    "TIFF_MODEL",
-    "SerialRank",
-    "XmpFacts",
-    "XmpWords",
-    "read_xmp",
-    "xmp_facts",
-]
-
 _PERSPECTIVE_AND_FISHEYE = (
     "BandName",
     "CentralWavelength",

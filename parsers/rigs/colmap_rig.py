@@ -29,8 +29,6 @@ from calibrary.rig import Rig, RigCamera, RigPose
 from calibrary.rotations import from_quaternion, quaternion
 from calibrary.strictjson import parse_json
 
-__all__ = ["TITLE", "read", "sniff", "write"]
-
 TITLE: Final = "COLMAP rig configuration"
 MM: Final = 1000.0
 

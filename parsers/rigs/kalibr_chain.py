@@ -18,8 +18,6 @@ from calibrary.parsers.content import Content
 from calibrary.records import replace
 from calibrary.rig import Rig, RigCamera, RigPose
 
-__all__ = ["TITLE", "read", "sniff", "write"]
-
 TITLE: Final = "Kalibr camera chain"
 KEY: Final = "kalibr/T_cn_cnm1"
 MM: Final = 1000.0

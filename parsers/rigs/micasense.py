@@ -27,8 +27,6 @@ from calibrary.parsers.document import load_json
 from calibrary.records import Json
 from calibrary.rig import Rig, RigCamera, RigPose
 
-__all__ = ["TITLE", "read", "relatives_of", "rotation_of_relatives", "sniff", "write"]
-
 TITLE: Final = "MicaSense rig relatives (JSON)"
 MM: Final = 1000.0
 

@@ -24,8 +24,6 @@ from calibrary.parsers.formats.opencv_storage import PREFIX
 from calibrary.records import Json, replace
 from calibrary.rig import Rig, RigCamera, RigPose
 
-__all__ = ["TITLE", "read", "sniff", "write"]
-
 TITLE: Final = "OpenCV stereo calibration (R, T)"
 BESIDE: Final = ("intrinsics.yml", "intrinsics.yaml", "intrinsics.xml")
 """Names of the other file written by stereo_calib.cpp."""

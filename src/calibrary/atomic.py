@@ -11,8 +11,6 @@ from pathlib import Path
 from calibrary.errors import InputError
 from calibrary.interrupts import interrupts_held
 
-__all__ = ["check_folder", "write_files"]
-
 log = logging.getLogger(__name__)
 
 

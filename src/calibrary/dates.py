@@ -15,8 +15,6 @@ import re
 from datetime import date, time, timedelta, timezone
 from functools import cache
 
-__all__ = ["iso_date"]
-
 LONGEST = 60
 """Characters; a longer text is not a date."""
 

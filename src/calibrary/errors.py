@@ -30,28 +30,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Protocol
 
-__all__ = [
-    "AmbiguousCameraError",
-    "AmbiguousEntryError",
-    "AmbiguousFormatError",
-    "BadRationalError",
-    "CalibraryError",
-    "CalibrationError",
-    "ConflictError",
-    "FrameError",
-    "InputError",
-    "MissingExtraError",
-    "MissingSizeError",
-    "MissingTagError",
-    "ParseError",
-    "RegistryError",
-    "UnknownCameraError",
-    "UnknownFormatError",
-    "UnsupportedModelError",
-    "UsageError",
-    "ValidationError",
-]
-
 
 class ValidationReport(Protocol):
     """The part of :class:`calibrary.validation.Report` that a ValidationError needs."""

@@ -14,20 +14,6 @@ from msgspec import Struct
 
 from calibrary.errors import MissingExtraError
 
-__all__ = [
-    "CALIBRATE",
-    "DESK",
-    "LIBRARIES",
-    "PAGES",
-    "PUBLISHED",
-    "SFM",
-    "SURVEY",
-    "TABLES",
-    "Library",
-    "missing",
-    "require",
-]
-
 
 class Library(Struct, frozen=True, kw_only=True):
     """An optional library.

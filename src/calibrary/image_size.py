@@ -6,8 +6,6 @@ from typing import Annotated, TypeAlias
 
 from calibrary.records import Meta
 
-__all__ = ["ASPECT_TOLERANCE", "ImageSize", "same_aspect"]
-
 Pixels: TypeAlias = Annotated[int, Meta(ge=1)]
 ImageSize: TypeAlias = tuple[Pixels, Pixels]
 """(width, height) px."""

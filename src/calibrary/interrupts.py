@@ -8,8 +8,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
 
-__all__ = ["interrupts_held"]
-
 
 @contextmanager
 def interrupts_held() -> Iterator[Sequence[int]]:

@@ -16,24 +16,6 @@ from calibrary.errors import InputError
 from calibrary.image_size import ImageSize
 from calibrary.records import Json, Meta, Record, replace, require_declared
 
-__all__ = [
-    "BANDS",
-    "HEX_DIGITS",
-    "SERIAL_HASH_DIGITS",
-    "SUB_CAMERAS",
-    "CameraKey",
-    "KnownCamera",
-    "Name",
-    "Projection",
-    "SensorWidth",
-    "Text",
-    "hash_serial",
-    "hashed",
-    "is_serial_hash",
-    "match_key",
-    "normalise_sub_camera",
-]
-
 
 class CameraKey(Record):
     """Which camera a calibration belongs to. EXIF Model alone is not a key: four sub-cameras may share it.

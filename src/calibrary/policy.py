@@ -7,9 +7,6 @@ from typing import Annotated, Any, Final, TypeAlias
 from calibrary.errors import InputError
 from calibrary.records import Json, Meta, Record, fields_json, require_declared
 
-__all__ = ["FLEET", "POLICIES", "SOURCE", "Policy"]
-
-
 Fraction: TypeAlias = Annotated[float, Meta(ge=0, le=1)]
 Band: TypeAlias = tuple[Annotated[float, Meta(gt=0)], Annotated[float, Meta(gt=0)]]
 BASES: Final = ("fleet", "source")

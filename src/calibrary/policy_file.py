@@ -11,8 +11,6 @@ from calibrary.policy import POLICIES, Policy
 from calibrary.records import from_json
 from calibrary.strictyaml import line_of, load_yaml
 
-__all__ = ["policy_of", "read_policy"]
-
 LARGEST_POLICY = 1 << 20
 
 

@@ -12,8 +12,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-__all__ = ["chi_square_tail", "f_tail", "normal_tails"]
-
 MOST_TERMS = 100_000
 STIRLING_FROM = 20.0
 TINY = 1e-300

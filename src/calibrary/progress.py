@@ -8,8 +8,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TypeAlias
 
-__all__ = ["Progress", "counted", "labelled", "log", "stage"]
-
 log = logging.getLogger("calibrary")
 """Logs what is skipped, retried or slow; the command line shows it with --verbose."""
 

@@ -11,8 +11,6 @@ from msgspec import Struct
 from calibrary.image_size import ImageSize
 from calibrary.records import Meta, Record, require_declared
 
-__all__ = ["ABOUT", "HOW_MADE", "About", "Grade", "Provenance", "SourceFile", "facts", "label"]
-
 
 class Grade(StrEnum):
     """Origin of the intrinsics, best first. Only the first four may be used as a K by a solver.

@@ -14,9 +14,6 @@ from calibrary.arrays import FloatArray
 from calibrary.errors import InputError
 from calibrary.records import Meta, Record, force_setattr, replace, require_declared
 
-__all__ = ["Covariance", "ImageCircle", "Proven", "Quality"]
-
-
 SYMMETRY = 1e-9
 """Largest asymmetry of a covariance element, relative to the standard deviations of its row and column."""
 

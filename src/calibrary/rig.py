@@ -13,8 +13,6 @@ from calibrary.errors import InputError
 from calibrary.records import Meta, Record, require_declared
 from calibrary.rotations import left_jacobian, rotation_matrix, rotation_vector
 
-__all__ = ["Rig", "RigCamera", "RigMember", "RigPose", "turn_jacobian"]
-
 Vector: TypeAlias = tuple[float, float, float]
 Name: TypeAlias = Annotated[str, Meta(min_length=1, max_length=100)]
 SIZE = 6

@@ -8,8 +8,6 @@ import numpy as np
 
 from calibrary.arrays import FloatArray
 
-__all__ = ["from_quaternion", "left_jacobian", "quaternion", "rotation_matrix", "rotation_vector"]
-
 
 def rotation_matrix(vector: FloatArray) -> FloatArray:
     """Convert rotation vectors, (…, 3) rad, to rotation matrices, (…, 3, 3), by Rodrigues' formula."""

@@ -8,8 +8,6 @@ from typing import NoReturn
 from calibrary.errors import ParseError
 from calibrary.records import Json
 
-__all__ = ["parse_json"]
-
 
 def parse_json(data: bytes, *, source: str) -> Json:
     """Parse a JSON document into plain values.

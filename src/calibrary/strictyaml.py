@@ -45,8 +45,6 @@ from yaml.events import (
 
 from calibrary.errors import ParseError
 
-__all__ = ["MAX_BYTES", "MAX_DEPTH", "YamlScalar", "YamlValue", "line_of", "load_yaml"]
-
 YamlScalar: TypeAlias = str | int | float | bool | None
 YamlValue: TypeAlias = "YamlScalar | list[YamlValue] | dict[str, YamlValue]"
 

@@ -22,18 +22,6 @@ from calibrary.errors import InputError
 if TYPE_CHECKING:
     from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
-__all__ = [
-    "ExifValue",
-    "Head",
-    "Position",
-    "Rational",
-    "description",
-    "headed",
-    "jpeg",
-    "packet",
-    "write_image",
-]
-
 Rational: TypeAlias = tuple[int, int]
 ExifValue: TypeAlias = str | bytes | int | Rational
 

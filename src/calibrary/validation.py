@@ -37,22 +37,6 @@ from calibrary.calibration import Calibration, CameraKey
 from calibrary.policy import Policy
 from calibrary.records import Json, Record, replace
 
-__all__ = [
-    "RULES",
-    "UNPROVEN_LEGEND",
-    "Expected",
-    "Finding",
-    "NamedFocal",
-    "Report",
-    "Severity",
-    "ValidationContext",
-    "Verdict",
-    "group_spread",
-    "lacks_confirmation",
-    "name_sensor",
-    "validate",
-]
-
 
 class Severity(StrEnum):
     """Effect of a finding on the verdict, mildest first; only the last two prevent the use of a K."""

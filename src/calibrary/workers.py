@@ -19,8 +19,6 @@ from typing import TypeVar
 from calibrary.errors import InputError
 from calibrary.interrupts import interrupts_held
 
-__all__ = ["deaf_to_ctrl_c", "end_with_parent", "get_ready", "mapped", "mapped_on"]
-
 AHEAD = 4
 """Items submitted ahead per process, so that no process waits for work."""
 

@@ -16,8 +16,6 @@ from msgspec import Struct
 from calibrary.catalogue import shipped_folder
 from calibrary.known_camera import SensorWidth
 
-__all__ = ["sensor_width"]
-
 AGREEMENT: Final = 0.03
 """If databases, or two entries that match a name, differ by more than this fraction, no width is returned."""
 

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from calibrary.jobs.tables.rows import Table
     from calibrary.known_camera import KnownCamera
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
 DESCRIPTION = "Print the known cameras, their pixels and the source of each number."
 EXAMPLES = """\
 examples:

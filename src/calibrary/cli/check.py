@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from calibrary.cli.console import Screen
     from calibrary.jobs.check.run import CheckReport
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
 DESCRIPTION = (
     "Check whether the K that you are about to use is right for the images of a flight, and by how much it "
     "is off, in per cent and on the ground. ('calibrary registry check' checks the entries of a registry.)"

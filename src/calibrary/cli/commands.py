@@ -18,20 +18,6 @@ if TYPE_CHECKING:
     from calibrary.jobs.tables.rows import Table
     from calibrary.records import Record
 
-__all__ = [
-    "Command",
-    "Commands",
-    "Parser",
-    "add_commands",
-    "add_json_flag",
-    "add_output_flags",
-    "add_table_flag",
-    "check_table_flag",
-    "meant",
-    "print_json",
-    "write_table",
-]
-
 
 EXIT_USAGE = 2
 

@@ -10,8 +10,6 @@ from typing import Literal
 
 from calibrary.cli.flags import add_flags, call
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
 DESCRIPTION = "Print a script that completes commands, flags, files and formats in a shell."
 EXAMPLES = """\
 examples:

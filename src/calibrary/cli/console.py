@@ -16,8 +16,6 @@ from rich.console import Console, RenderableType
 from rich.markup import escape
 from rich.text import Text
 
-__all__ = ["Screen", "cuts", "errors", "folded", "note", "out", "plain", "printable"]
-
 UNFOLDED = 10_000
 """Width where there is no terminal: grep finds a sentence, and the row of a table, in one line."""
 

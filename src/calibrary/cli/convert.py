@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from calibrary.cli.console import Screen
     from calibrary.jobs.convert.run import ConvertedFile, ConvertReport
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
 DESCRIPTION = "Write a calibration in another program's format, and report what was kept."
 EXAMPLES = """\
 examples:

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from calibrary.cli.console import Screen
     from calibrary.jobs.demo.flight import DemoImage
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
 DESCRIPTION = "Write the synthetic flight of a mixed fleet and other folders to try the commands on."
 EXAMPLES = """\
 examples:

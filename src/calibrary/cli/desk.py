@@ -8,8 +8,6 @@ import sys
 from calibrary.cli.flags import add_flags, call
 from calibrary.jobs.desk import desk
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
 DESCRIPTION = (
     "Open a registry in the browser of this machine: which K to use for a camera or an image, on which day, and why, "
     "as a file of any program; whether the K's of a flight are right; what K a new payload or frames of a board "

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from calibrary.jobs.diff.comparison import Difference, DiffReport
     from calibrary.jobs.diff.fleet import FleetDiffReport
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
 DESCRIPTION = (
     "Compare two calibrations of one camera, or every entry of a registry with its earlier state: in "
     "numbers, in pixels and on the ground, against their noise."

@@ -14,8 +14,6 @@ from calibrary.cli.flags import add_flags, call
 from calibrary.errors import InputError
 from calibrary.jobs.extract import extract
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
 DESCRIPTION = "Derive and validate one K per camera from a directory of images."
 EXAMPLES = """\
 examples:

@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from calibrary.jobs.extract.report import ExtractReport, Outputs
     from calibrary.jobs.images.folders import SkippedFile
 
-__all__ = ["Display", "judgement", "verdict"]
-
 STYLES = {Verdict.VALID: "bold green", Verdict.UNPROVEN: "bold yellow", Verdict.REJECTED: "bold red"}
 MOST_REJECTED = 12
 FEW = 3

@@ -46,8 +46,6 @@ import msgspec
 
 from calibrary.image_size import ImageSize
 
-__all__ = ["add_flags", "call", "day", "image_size"]
-
 T = TypeVar("T")
 
 UNSHOWN: Final[tuple[object, ...]] = (

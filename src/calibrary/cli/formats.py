@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from calibrary.cli.console import Screen
     from calibrary.jobs.formats import ListedFormat
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
 DESCRIPTION = "List the calibration files that are read and written."
 EXAMPLES = """\
 examples:

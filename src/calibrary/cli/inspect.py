@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from calibrary.jobs.inspect import UnsizedCalibration
     from calibrary.jobs.inspect.run import InspectedFile
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
 DESCRIPTION = "Show what a calibration file or image is, how calibrary recognised it, and what it contains."
 EXAMPLES = """\
 examples:

@@ -22,8 +22,6 @@ from calibrary.errors import (
 )
 from calibrary.version import __version__
 
-__all__ = ["build_parser", "leaves", "main"]
-
 GROUPS = (
     (
         "the images of a flight",

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from calibrary.cli.console import Screen
     from calibrary.jobs.onboard.report import CameraDecision, OnboardReport
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
 EXIT_REFUSED: Final = 1
 STYLES: Final = {
     "ready, not written": "bold yellow",

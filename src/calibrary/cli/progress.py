@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress, TaskID
 
-__all__ = ["Bar"]
-
 SHOWN_AFTER_S = 1.0
 LINE_EVERY_S = 0.2
 

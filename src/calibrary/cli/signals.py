@@ -5,8 +5,6 @@ from __future__ import annotations
 import signal
 from types import FrameType
 
-__all__ = ["Interrupted", "exit_code", "listen", "stop_listening"]
-
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from calibrary.cli.console import Screen
     from calibrary.jobs.stamp.run import StampReport
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
 DESCRIPTION = (
     "Write K and distortion into copies of JPEGs and TIFFs, as XMP tags that photogrammetry programs read. Pixels, "
     "EXIF and maker's notes stay as they are, byte for byte; the images themselves are never changed."

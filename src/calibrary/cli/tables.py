@@ -17,8 +17,6 @@ from msgspec import Struct
 if TYPE_CHECKING:
     from rich.text import Text
 
-__all__ = ["Column", "facts", "fitted", "single_lines"]
-
 GAP = 2
 BELOW = 4
 """Indent of the lines below a row."""

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from calibrary.cli.console import Screen
     from calibrary.jobs.undistort.run import UndistortReport
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
 DESCRIPTION = "Remove lens distortion from images, and write the new K beside them."
 EXAMPLES = """\
 examples:

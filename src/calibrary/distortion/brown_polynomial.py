@@ -19,9 +19,6 @@ from calibrary.distortion.opencv import BrownConrady, OpenCVDistortion
 from calibrary.distortion.polynomial import Jacobian, Number, PolynomialMap, trimmed
 from calibrary.errors import InputError
 
-__all__ = ["BrownMap", "BrownPolynomial", "MetashapeFrame", "OffCentreBrown"]
-
-
 LARGEST_AFFINITY = 0.1
 
 

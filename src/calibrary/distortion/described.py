@@ -10,8 +10,6 @@ from typing import Final
 from calibrary.distortion import MODELS
 from calibrary.distortion.base import Distortion
 
-__all__ = ["document", "marked_down"]
-
 HEAD: Final = """\
 A calibration has K = [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] and one of these distortion models. K is in pixels from
 the outer corner of the top-left pixel, whose centre is (0.5, 0.5). A point (X, Y, Z) of the camera frame (x right,

@@ -22,15 +22,6 @@ from calibrary.distortion.polynomial import PolynomialMap, trimmed
 from calibrary.distortion.radial_fisheye import KannalaBrandt
 from calibrary.kernel import Form, Front
 
-__all__ = [
-    "EquidistantDistortion",
-    "Fisheye624",
-    "PlanarPolynomial",
-    "RadTanThinPrismFisheye",
-    "ThinPrismFisheye",
-    "only",
-]
-
 
 class PlanarPolynomial(OpenCVDistortion):
     """Polynomial of the fisheye models, not a model of its own; no coefficient is in a denominator.

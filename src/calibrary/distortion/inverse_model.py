@@ -17,8 +17,6 @@ from calibrary.arrays import FloatArray
 from calibrary.distortion.base import Distortion, NoDistortion, as_rows
 from calibrary.distortion.brown_polynomial import BrownPolynomial
 
-__all__ = ["Australis", "InverseBrown", "InverseModel", "InversePolynomial"]
-
 
 class InverseModel(Distortion):
     """A model with a polynomial, about a centre, that gives the undistorted point for the distorted one."""

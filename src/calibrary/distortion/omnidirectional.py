@@ -28,20 +28,6 @@ from calibrary.distortion.base import (
 from calibrary.distortion.opencv import BrownConrady
 from calibrary.kernel import Form, Front
 
-__all__ = [
-    "DoubleSphere",
-    "ExtendedUnified",
-    "Omnidirectional",
-    "Unified",
-    "divided",
-    "lifted",
-    "lowered",
-    "undivided",
-    "unit",
-    "widest",
-    "widest_lifted",
-]
-
 
 class Omnidirectional(Distortion):
     """A camera with a field of view that may exceed 90° from the axis, which x/z and y/z cannot express.

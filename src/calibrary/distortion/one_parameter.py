@@ -14,8 +14,6 @@ from calibrary.distortion.omnidirectional import Omnidirectional, unit
 from calibrary.errors import InputError
 from calibrary.kernel import Form, Front
 
-__all__ = ["Division", "FieldOfView"]
-
 STRAIGHT = 1e-10
 """Below this ω the distortion is less than a rounding error, and the formula would divide two rounding errors."""
 

@@ -43,16 +43,6 @@ from calibrary.distortion.polynomial import Inversion, PolynomialMap, first_posi
 from calibrary.errors import InputError
 from calibrary.kernel import Form
 
-__all__ = [
-    "BrownConrady",
-    "OpenCVDistortion",
-    "Rational",
-    "ThinPrism",
-    "Tilted",
-    "covers",
-    "monotonic_radius",
-]
-
 SCAN = np.sinh(np.linspace(0.0, math.asinh(1e6), 500)[1:])
 """Radii of the search in the map's unit of length: 0.03 apart up to 1, 3 % apart beyond, up to a million."""
 

@@ -30,18 +30,6 @@ from numpy.typing import ArrayLike, NDArray
 from calibrary.arrays import FloatArray
 from calibrary.kernel import Form, Front
 
-__all__ = [
-    "Inversion",
-    "Jacobian",
-    "Number",
-    "PolynomialMap",
-    "Rising",
-    "first_positive_root",
-    "inverse_of_rising",
-    "solved",
-    "trimmed",
-]
-
 Number = TypeVar("Number", float, FloatArray)
 """Coordinate of one point (float) or of many (array), with the same arithmetic."""
 

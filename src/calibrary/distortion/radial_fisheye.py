@@ -18,9 +18,6 @@ from calibrary.distortion.omnidirectional import Omnidirectional
 from calibrary.distortion.polynomial import Number, Rising, first_positive_root, inverse_of_rising
 from calibrary.kernel import Form, Front
 
-__all__ = ["FisheyePolynomial", "KannalaBrandt", "RadialFisheye"]
-
-
 TABLE_NODES = 16_384
 
 RAY_CELLS = 2048

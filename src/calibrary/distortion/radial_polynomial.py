@@ -15,8 +15,6 @@ from calibrary.distortion.opencv import BrownConrady
 from calibrary.distortion.polynomial import Rising, inverse_of_rising
 from calibrary.distortion.radial_fisheye import FisheyePolynomial
 
-__all__ = ["RadialPolynomial"]
-
 REACH = 1e7
 """Largest radius, a rounding error from 90°."""
 TABLE_NODES = 4096

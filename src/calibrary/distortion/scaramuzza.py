@@ -14,8 +14,6 @@ from calibrary.distortion.base import Columns, by_columns, finite_pair
 from calibrary.distortion.omnidirectional import Omnidirectional, unit
 from calibrary.distortion.polynomial import Rising, first_positive_root, inverse_of_rising
 
-__all__ = ["Scaramuzza"]
-
 FARTHEST = 1e6
 """Largest image radius considered; beyond it the ray of a lens without a limit hardly changes its direction."""
 

@@ -16,8 +16,6 @@ from calibrary.distortion.omnidirectional import Omnidirectional, unit
 from calibrary.errors import InputError
 from calibrary.records import Meta, force_setattr
 
-__all__ = ["SplinedStereographic"]
-
 MOST_KNOTS: Final = 4_096
 """mrcal's own solves have some hundreds; twice as many numbers fit into an entry of a registry."""
 PER_CELL: Final = 4

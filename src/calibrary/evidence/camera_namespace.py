@@ -29,8 +29,6 @@ from calibrary.evidence.context import Dropped, Finding, Scene, Source, numbers
 from calibrary.evidence.frame import files_frame
 from calibrary.records import replace
 
-__all__ = ["estimates"]
-
 SCHEMA = "Camera"
 FOCAL_TAG = "Camera:PerspectiveFocalLength"
 FISHEYE_TAG = "Camera:FisheyeAffineMatrix"

@@ -17,8 +17,6 @@ from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata, as_float
 from calibrary.known_camera import KnownCamera, Projection, SensorWidth
 from calibrary.records import Record, replace
 
-__all__ = ["AGREEMENT", "UNCONFIRMED", "Dropped", "Finding", "Scene", "Source", "SourceEstimate", "numbers"]
-
 
 class Source(StrEnum):
     """Source of an estimate's focal length, most trusted first."""

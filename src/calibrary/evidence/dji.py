@@ -19,8 +19,6 @@ from calibrary.evidence.context import Dropped, Finding, Scene, Source, SourceEs
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.records import replace
 
-__all__ = ["estimates", "is_dewarped", "is_mechanical"]
-
 SCHEMA = "drone-dji"
 
 LARGEST_SIDE = 1 << 24

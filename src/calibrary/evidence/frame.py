@@ -17,8 +17,6 @@ from calibrary.evidence.metadata import ImageMetadata
 from calibrary.image_size import same_aspect
 from calibrary.records import replace
 
-__all__ = ["RESIZED", "Adapted", "adapt", "exif_contradiction", "files_frame"]
-
 RESIZED = "the image was resized, not cropped"
 """Assumption made when a size in EXIF, or a focal plane, belongs to the same image at another scale."""
 

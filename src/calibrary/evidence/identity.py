@@ -12,8 +12,6 @@ from calibrary.evidence.dji import is_dewarped
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.evidence.originality import program_in
 
-__all__ = ["camera_key", "firmware"]
-
 
 def firmware(metadata: ImageMetadata) -> str | None:
     """The camera's firmware: EXIF Software, or None if an image program wrote its own name there."""

@@ -14,9 +14,6 @@ from msgspec import Struct
 from calibrary.image_size import ImageSize
 from calibrary.known_camera import normalise_sub_camera
 
-__all__ = ["Encoding", "FocalPlaneUnit", "ImageMetadata", "TagFault", "XmpProperty", "as_float"]
-
-
 SUB_CAMERA_TAGS = (
     # The band identifies the camera of a multispectral head more precisely than its image source.
     ("Camera", "BandName"),

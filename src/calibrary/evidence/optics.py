@@ -19,8 +19,6 @@ from calibrary.evidence.frame import files_frame
 from calibrary.evidence.metadata import FocalPlaneUnit
 from calibrary.image_size import same_aspect
 
-__all__ = ["estimates", "is_part"]
-
 DIAGONAL_35MM = math.hypot(36.0, 24.0)
 WIDTH_35MM = 36.0
 THERMAL = "thermal"

@@ -29,20 +29,6 @@ from calibrary.evidence.metadata import Encoding, ImageMetadata
 from calibrary.image_size import ImageSize, same_aspect
 from calibrary.known_camera import KnownCamera
 
-__all__ = [
-    "ORIGINAL",
-    "Does",
-    "Originality",
-    "Pixels",
-    "Program",
-    "Usual",
-    "has_lens_correction",
-    "no_frame",
-    "originality",
-    "program_in",
-    "usual_of",
-]
-
 
 class Pixels(StrEnum):
     """What is known of an image's pixels, from best to worst."""

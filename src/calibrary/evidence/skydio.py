@@ -13,8 +13,6 @@ from calibrary.calibration import Grade, ImageSize, Intrinsics, Origin, canonica
 from calibrary.errors import InputError
 from calibrary.evidence.context import Dropped, Finding, Scene, Source, numbers
 
-__all__ = ["estimates"]
-
 SCHEMA = "drone-skydio"
 TAG = "drone-skydio:CalibratedFocalLength"
 

@@ -26,8 +26,6 @@ from calibrary.evidence.metadata import ImageMetadata
 from calibrary.evidence.originality import has_lens_correction, no_frame
 from calibrary.records import replace
 
-__all__ = ["Cause", "Conflict", "Evidence", "conflicts", "disagreement", "evidence_of"]
-
 SOURCES = (dji, camera_namespace, skydio, optics)
 """Each module of sources has a function ``estimates(scene)``; what one image states in several is weighed here."""
 

@@ -30,20 +30,6 @@ from calibrary.distortion import (
 )
 from calibrary.errors import UnsupportedModelError
 
-__all__ = [
-    "COLMAP_LENSES",
-    "COLMAP_MODELS",
-    "PANORAMAS",
-    "UNKNOWN_LENS",
-    "ColmapCamera",
-    "ColmapModel",
-    "default_model",
-    "lens_from",
-    "model_for",
-    "model_named",
-    "model_numbered",
-]
-
 
 class ColmapCamera(NamedTuple):
     """A camera as accepted by ``pycolmap.Camera`` and COLMAP's command line.

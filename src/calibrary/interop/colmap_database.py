@@ -22,8 +22,6 @@ from calibrary.errors import InputError
 from calibrary.interop.colmap import ColmapCamera, model_named
 from calibrary.interrupts import interrupts_held
 
-__all__ = ["DatabaseChange", "DatabaseRows", "Row", "change_of", "read_database", "write_database"]
-
 CAMERAS: Final = "SELECT camera_id, model, width, height, params, prior_focal_length FROM cameras"
 UPDATE: Final = (
     "UPDATE cameras SET model = ?, width = ?, height = ?, params = ?, prior_focal_length = ? "

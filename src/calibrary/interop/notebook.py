@@ -8,8 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 
-__all__ = ["MOST_ROWS", "html_rows", "html_table"]
-
 MOST_ROWS = 20
 
 

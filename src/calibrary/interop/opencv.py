@@ -28,8 +28,6 @@ from calibrary.distortion import (
 )
 from calibrary.errors import InputError, UnsupportedModelError
 
-__all__ = ["OPENCV_LENSES", "OPENCV_MODELS", "coefficients_of", "lens_from"]
-
 OPENCV_MODELS: Final[Mapping[int, type[Distortion]]] = MappingProxyType(
     {4: BrownConrady, 5: BrownConrady, 8: Rational, 12: ThinPrism, 14: Tilted}
 )

@@ -18,8 +18,6 @@ from msgspec import NODEFAULT, inspect
 
 from calibrary.records import Record
 
-__all__ = ["SCHEMA_BASE", "descriptions", "parts", "schema"]
-
 DIALECT: Final = "https://json-schema.org/draft/2020-12/schema"
 SCHEMA_BASE: Final = "urn:calibrary:schema:"
 """Prefix of the ``$id`` of every schema: a URN, because the project has no website. To use a URL, change it here and

@@ -7,8 +7,6 @@ import argparse
 from calibrary.cli.flags import add_flags, call
 from calibrary.jobs.calibrate import write_board
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
 DESCRIPTION = """\
 Write a calibration board as PDF or SVG, true to the millimetre, with a ruler to check the print.
 

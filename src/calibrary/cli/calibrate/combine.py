@@ -15,8 +15,6 @@ from calibrary.jobs.combine import combine
 if TYPE_CHECKING:
     from calibrary.jobs.combine.report import CombinationReport
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
 DESCRIPTION = """\
 Combine several calibrations of one camera into one, weighted by their covariances, if they agree.
 

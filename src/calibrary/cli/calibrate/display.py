@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from calibrary.jobs.calibrate.report import BoardVerdict, CalibrateReport
     from calibrary.validation import Finding
 
-__all__ = ["STYLES", "exit_code", "finish", "parameters", "show_files", "show_findings_of", "show_outcome"]
-
 EXIT_NOT_PASSED = 1
 EXIT_UNWRITTEN = 3
 

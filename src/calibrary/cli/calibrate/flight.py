@@ -10,8 +10,6 @@ from calibrary.cli.flags import add_flags, call
 from calibrary.cli.progress import Bar
 from calibrary.jobs.calibrate_flight import calibrate_flight
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
 DESCRIPTION = """\
 Compute a camera's K and distortion from the images of a flight, and report how far to trust them.
 

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from calibrary.cli.console import Screen
     from calibrary.jobs.fleet import ChangedEntry, Entry
 
-__all__ = ["add_keeping_flags", "check_keeping", "is_kept", "keep"]
-
 
 def add_keeping_flags(parser: argparse.ArgumentParser) -> None:
     """Add the flags on what terms the registry changes."""

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from calibrary.jobs.calibrate_rig.report import RigReport
     from calibrary.rig import RigPose
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
 DESCRIPTION = """\
 Compute K and distortion of every camera of a rig and their poses relative to one another, in one adjustment.
 

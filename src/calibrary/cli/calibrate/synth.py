@@ -8,8 +8,6 @@ from calibrary.cli.flags import add_flags, call
 from calibrary.cli.progress import Bar
 from calibrary.jobs.synth import render_frames
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
 DESCRIPTION = """\
 Render frames of a board as a camera would take them, and write the true values beside them: K, distortion, poses
 and corners in OUT/truth.json. With these you can test a set-up before you print a board.

@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from calibrary.cli.console import Screen
     from calibrary.jobs.calibrate_watch.session import WatchStatus
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
 DESCRIPTION = """\
 Watch a folder in which frames of a board arrive, from a tethered camera or a card reader. After each frame the
 command reports whether it found the board, how much of the frame is covered, the standard deviations so far, and which

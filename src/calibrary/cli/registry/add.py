@@ -16,8 +16,6 @@ from calibrary.jobs.fleet import Fleet
 if TYPE_CHECKING:
     from calibrary.jobs.fleet.changes import ProposedChange
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
 DESCRIPTION = (
     "Put the cameras of a calibration file, an image or an entry's file into the registry; or a folder's."
 )

@@ -14,8 +14,6 @@ from calibrary.jobs.fleet import Fleet
 if TYPE_CHECKING:
     from calibrary.jobs.fleet.changes import ProposedChange
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
 DESCRIPTION = (
     "Approve proposals, so that runs use them: all of those named, or none if the check reports an error."
 )

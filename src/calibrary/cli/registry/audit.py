@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     )
     from calibrary.jobs.tables.rows import Table
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
 EXIT_FINDINGS = 1
 NOT_FLOWN = "not flown"
 MOST_SKIPPED = 8

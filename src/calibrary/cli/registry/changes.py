@@ -21,19 +21,6 @@ if TYPE_CHECKING:
     from calibrary.jobs.fleet.changes import ProposedChange
     from calibrary.validation import Finding
 
-__all__ = [
-    "add_yes_flag",
-    "agreed",
-    "can_ask",
-    "change_table",
-    "decide",
-    "field_text",
-    "screen_of_change",
-    "show_changes",
-    "show_findings",
-    "show_written",
-]
-
 EXIT_REFUSED = 1
 EXIT_INPUT = 3
 FATES = {"new": "green", "changed": "yellow", "same": "dim", "left": "dim", "failed": "bold red"}

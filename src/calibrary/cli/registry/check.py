@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from calibrary.cli.console import Screen
     from calibrary.jobs.fleet import CheckDocument
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
 EXIT_BAD = 1
 
 DESCRIPTION = "Check entries against the schema, their digest, path, provenance, the policy and one another."

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from calibrary.jobs.export.run import ExportReport
     from calibrary.jobs.fleet import Contribution
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
 DESCRIPTION = (
     "Write all entries in the format of another program, and report how exactly it represents them. With --public, "
     "write one approved entry as a proposal for a public registry, without private data."

@@ -10,8 +10,6 @@ from calibrary.cli.registry import add_registry_flag, opened
 from calibrary.cli.registry.changes import decide
 from calibrary.jobs.fleet import Fleet
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
 DESCRIPTION = "Use entries and pin them: nothing replaces them without --force."
 EXAMPLES = """\
 examples:

@@ -14,8 +14,6 @@ from calibrary.jobs.fleet import create_registry
 if TYPE_CHECKING:
     from calibrary.jobs.fleet import InitReport
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
 DESCRIPTION = "Create a registry of camera calibrations in git, or copy one."
 EXAMPLES = """\
 examples:

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from calibrary.jobs.fleet import EntryListing
     from calibrary.jobs.tables.rows import Table
 
-__all__ = ["CONDITIONS", "DESCRIPTION", "EXAMPLES", "PARSER", "add_arguments", "run"]
-
 DESCRIPTION = (
     "List the cameras of the fleet, one line for each entry, selected and sorted by any of their fields."
 )

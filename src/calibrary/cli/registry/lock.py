@@ -9,8 +9,6 @@ from calibrary.cli.flags import add_flags, call
 from calibrary.cli.registry import add_registry_flag, entries, note_waiting, opened
 from calibrary.jobs.fleet import Fleet
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
 DESCRIPTION = "Pin entries as they are now, so that a run can be repeated on the same ones."
 EXAMPLES = """\
 examples:

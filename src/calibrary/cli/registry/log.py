@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
     from calibrary.jobs.fleet import BlamedField, BlameReport, LoggedRevision, LogReport
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
 DESCRIPTION = "List the revisions of an entry with what changed in its K, or all commits."
 EXAMPLES = """\
 examples:

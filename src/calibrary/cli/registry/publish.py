@@ -10,8 +10,6 @@ from calibrary.cli.progress import Bar
 from calibrary.cli.registry import add_registry_flag, entries, opened
 from calibrary.jobs.fleet import Fleet
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
 DESCRIPTION = (
     "Write the registry as static files: small JSON documents that any web server or bucket can serve. "
     "calibrary and other programs find a camera's calibration in them over HTTP; what is read is verified with "

@@ -7,8 +7,6 @@ import argparse
 from calibrary.cli.registry.sync import declare, show_pulled, synced
 from calibrary.jobs.fleet import Fleet
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
 DESCRIPTION = "Fetch the commits of others, and apply your own commits on top of them."
 EXAMPLES = """\
 examples:

@@ -7,8 +7,6 @@ import argparse
 from calibrary.cli.registry.sync import declare, show_pushed, synced
 from calibrary.jobs.fleet import Fleet
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
 DESCRIPTION = "Send your commits to a remote; the command never overwrites the commits of others."
 EXAMPLES = """\
 examples:

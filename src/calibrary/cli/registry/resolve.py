@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from calibrary.cli.console import Screen
     from calibrary.jobs.resolve.run import FleetAnswer
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
 EXIT_NONE = 4
 
 DESCRIPTION = "Show the calibration that applies to an image or a camera, and the reason."

@@ -15,8 +15,6 @@ from calibrary.jobs.fleet import Fleet
 if TYPE_CHECKING:
     from calibrary.jobs.fleet.changes import ProposedChange
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "PARSER", "add_arguments", "run"]
-
 DESCRIPTION = (
     "Set labels, tags, notes or days of entries, in one commit; the command first shows what changes."
 )

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from calibrary.cli.console import Screen
     from calibrary.jobs.fleet import Approval, FieldChange, Recorded, ShownEntry
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "approval_rows", "run"]
-
 DESCRIPTION = "Show one entry, as it is or as it was."
 EXAMPLES = """\
 examples:

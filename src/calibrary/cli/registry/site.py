@@ -13,8 +13,6 @@ from calibrary.jobs.fleet import Fleet
 if TYPE_CHECKING:
     from calibrary.jobs.site.building import Site
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
 DESCRIPTION = (
     "Write the registry as web pages: a list to search and filter, a page for each camera with its "
     "history and downloads, and every change compared. They need no server and fetch nothing."

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from calibrary.cli.console import Screen
     from calibrary.jobs.audit.status import Matter
 
-__all__ = ["DESCRIPTION", "EXAMPLES", "add_arguments", "run"]
-
 EXIT_WAITING = 1
 MOST_ALIKE = 5
 """Matters of one kind and of the same people that are shown one by one."""

@@ -20,17 +20,6 @@ if TYPE_CHECKING:
     from calibrary.cli.console import Screen
     from calibrary.jobs.fleet import EntryConflict, SyncReport
 
-__all__ = [
-    "DESCRIPTION",
-    "EXAMPLES",
-    "add_arguments",
-    "declare",
-    "run",
-    "show_pulled",
-    "show_pushed",
-    "synced",
-]
-
 EXIT_REGISTRY = 4
 
 DESCRIPTION = "Pull, then push: afterwards both sides have the same commits."

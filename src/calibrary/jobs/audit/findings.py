@@ -34,21 +34,6 @@ from calibrary.registry.paths import id_of
 from calibrary.registry.resolution import RegistryIndex, Resolution
 from calibrary.validation import Finding, Severity
 
-__all__ = [
-    "Answer",
-    "age_finding",
-    "answer_to",
-    "camera_words",
-    "compared",
-    "disagreements",
-    "due_again",
-    "entry_findings",
-    "stated_by",
-    "tolerance_of",
-    "unit_findings",
-    "unit_name",
-]
-
 MOST_NEAR: Final = 3
 
 

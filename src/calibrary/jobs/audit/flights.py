@@ -27,8 +27,6 @@ from calibrary.jobs.images.reading import gather
 from calibrary.parsers.imagery.taken import taken_on
 from calibrary.policy import Policy
 
-__all__ = ["FlightDay", "Flights", "Flown", "flights"]
-
 OF_CAMERAS: Final = re.compile(r"DCIM|[0-9]{4}SET|[0-9]{3}(_[0-9]{4}|_?[A-Z]\w{2,4})?", re.IGNORECASE)
 """Folders created by cameras, which are not flights: DCF's 100MEDIA, DJI's 100_0001, MicaSense's 0000SET/000."""
 

@@ -37,8 +37,6 @@ from calibrary.registry.resolution import resolve
 from calibrary.registry.snapshot import Snapshot
 from calibrary.validation import Finding, Severity
 
-__all__ = ["file_statements", "proposal_statements"]
-
 Statement = Finding | NotCompared
 IN_USE: Final = frozenset({Use.USED, Use.EXPIRED})
 

@@ -40,8 +40,6 @@ from calibrary.sfm.pixel_check import PixelVerdict
 from calibrary.sfm.pixel_judging import FEWEST_IMAGES
 from calibrary.validation import Finding, Severity
 
-__all__ = ["Measurement", "OverTime", "judge_over_time", "pixel_findings", "verify_flights"]
-
 MOST_READ: Final = 400
 """Most images of a flight, from its middle, whose positions are read in order to choose a dozen."""
 SURE_SIGMAS: Final = 2.0

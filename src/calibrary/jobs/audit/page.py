@@ -50,8 +50,6 @@ from calibrary.pages.wording import (
 from calibrary.sfm.pixel_check import PixelVerdict
 from calibrary.validation import Finding, Severity
 
-__all__ = ["audit_page"]
-
 # A warning of an audit requires an action.
 TONES: Final = {**SEVERITIES, Severity.WARNING: Tone.CAUTION}
 USES: Final = {use: Tone.GOOD if use is Use.USED else Tone.BAD for use in Use}

@@ -14,24 +14,6 @@ from calibrary.registry.git.objects import ObjectId
 from calibrary.sfm.pixel_check import PixelCheck
 from calibrary.validation import Finding, Severity
 
-__all__ = [
-    "LEVELS",
-    "AuditReport",
-    "AuditedCamera",
-    "AuditedFlight",
-    "AuditedUnit",
-    "Change",
-    "DatedCheck",
-    "FindingCounts",
-    "FlownSource",
-    "Leg",
-    "NotCompared",
-    "Rule",
-    "UnitOverTime",
-    "Use",
-    "Verification",
-]
-
 Count: TypeAlias = Annotated[int, Meta(ge=0)]
 
 LEVELS = (Severity.ERROR, Severity.WARNING, Severity.NOTE)

@@ -46,8 +46,6 @@ from calibrary.registry.resolution import RegistryIndex
 from calibrary.registry.snapshot import Snapshot
 from calibrary.validation import Finding, Severity
 
-__all__ = ["audit"]
-
 RULES: Final = tuple(Rule)
 
 

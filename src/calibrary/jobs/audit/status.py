@@ -30,8 +30,6 @@ from calibrary.registry.statements import Signed, content_of, subject_of
 from calibrary.registry.stating import who_states
 from calibrary.validation import Severity
 
-__all__ = ["Kind", "Matter", "RegistryStatus", "calendar", "copy_matter", "status"]
-
 LONGEST_LINE: Final = 73
 """Octets of a line of a calendar before it goes on in the next; RFC 5545 allows 75."""
 

@@ -20,8 +20,6 @@ from calibrary.jobs.calibrate.pairing import RigFrames, pair_names
 from calibrary.provenance import SourceFile
 from calibrary.records import replace
 
-__all__ = ["corners_of_arrays", "corners_of_file", "corners_of_rig_table"]
-
 Said = Callable[[CameraKey], CameraKey]
 
 

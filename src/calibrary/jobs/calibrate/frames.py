@@ -28,17 +28,6 @@ from calibrary.parsers.imagery import read_metadata
 from calibrary.parsers.imagery.taken import focus_of, taken_on
 from calibrary.records import replace
 
-__all__ = [
-    "FrameMetadata",
-    "SkippedFrames",
-    "describe_frames",
-    "find_frames",
-    "is_frame",
-    "refuse_recordings",
-    "without_other_sizes",
-    "without_resaved",
-]
-
 FURTHER_SUFFIXES = frozenset({".bmp", ".pgm", ".ppm", ".pnm", ".jp2", ".j2k", ".j2c"})
 """Of frames that industrial cameras write, beside those of images with a camera's metadata."""
 

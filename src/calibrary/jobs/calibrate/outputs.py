@@ -21,8 +21,6 @@ from calibrary.parsers.format import Format
 from calibrary.parsers.writing import format_to_write, why_unwritten
 from calibrary.records import replace
 
-__all__ = ["Outputs", "file_to_write"]
-
 
 class Judged(Protocol):
     """Result of a job that calibrates: a record that also has ``unwritten`` and ``dropped``."""

@@ -37,8 +37,6 @@ from calibrary.pages.wording import SEVERITIES, rounded
 from calibrary.provenance import facts, label
 from calibrary.validation import Finding, Severity
 
-__all__ = ["LEADS", "OUTCOMES", "calibration_page", "findings_blocks"]
-
 OUTCOMES = {
     BoardVerdict.PASS: Badge("keep it fixed", Tone.GOOD),
     BoardVerdict.PROVISIONAL: Badge("start from it", Tone.CAUTION),

@@ -38,15 +38,6 @@ from calibrary.sfm.tracks import upward
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
-__all__ = [
-    "board_plots",
-    "fit_plots",
-    "flight_plots",
-    "frame_plots",
-    "lens_plots",
-    "trust_plots",
-]
-
 
 MEAN_CELLS: Final = (16, 12)
 """Columns and rows of the cells in which residuals are averaged."""

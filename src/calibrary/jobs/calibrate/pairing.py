@@ -19,8 +19,6 @@ from calibrary.errors import InputError
 from calibrary.jobs.calibrate.frames import find_frames, refuse_recordings
 from calibrary.records import replace
 
-__all__ = ["PATTERNS", "RigFrames", "find_rig", "pair_names"]
-
 MOST_CAMERAS: Final = 24
 NAMES_SHOWN: Final = 3
 ENOUGH: Final = 0.5

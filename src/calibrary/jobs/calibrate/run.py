@@ -43,20 +43,6 @@ from calibrary.records import replace
 from calibrary.registry.places import one_registry
 from calibrary.registry.registry import Registry
 
-__all__ = [
-    "Told",
-    "calibration_date",
-    "detections_from_corners",
-    "detections_from_frames",
-    "detections_from_points",
-    "not_in_future",
-    "observe",
-    "policy_for",
-    "read_seed",
-    "solved",
-    "stated_camera",
-]
-
 
 class Told(Struct, frozen=True, kw_only=True):
     """What the user states of the images and of the calibration, or demands of them.

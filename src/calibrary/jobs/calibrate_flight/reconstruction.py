@@ -33,8 +33,6 @@ from calibrary.sfm.reconstruction import Reconstruction, scene_of
 from calibrary.sfm.tracks import FEWEST_IMAGES, Positions, Tracks, thinned
 from calibrary.validation import Finding, Severity
 
-__all__ = ["MOST_IMAGES", "solve_reconstruction"]
-
 MOST_IMAGES: Final = 60
 """Largest number of images of a reconstruction; more than of a flight, because their points are already matched."""
 

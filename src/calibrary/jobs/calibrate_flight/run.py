@@ -47,17 +47,6 @@ from calibrary.sfm.nuisances import readout_of
 from calibrary.sfm.survey import Survey, read_survey
 from calibrary.sfm.tracks import FEWEST_IMAGES, thinned
 
-__all__ = [
-    "MOST_POINTS",
-    "FlightOptions",
-    "SolvedFlight",
-    "dated",
-    "read_control",
-    "sha256_of",
-    "solve_images",
-    "starting_k",
-]
-
 MOST_POINTS: Final = 6000
 """Largest number of points; more would reduce σ below the effect of systematic errors."""
 FOCAL_OF_WIDTH: Final = 0.8

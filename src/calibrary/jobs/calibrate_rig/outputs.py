@@ -22,8 +22,6 @@ from calibrary.parsers.rigs import encode_rig, format_of_name
 from calibrary.parsers.writing import why_unwritten
 from calibrary.records import replace, to_json
 
-__all__ = ["RigOutputs", "corner_files"]
-
 
 class RigOutputs(Struct, frozen=True, kw_only=True):
     """Paths of the outputs; None for those not requested.

@@ -35,8 +35,6 @@ from calibrary.validation import Severity
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
-__all__ = ["rig_page"]
-
 MOST_ROWS = 300
 
 

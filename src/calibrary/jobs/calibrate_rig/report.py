@@ -19,8 +19,6 @@ from calibrary.rig import Rig, RigCamera, RigMember, RigPose
 from calibrary.rotations import rotation_vector
 from calibrary.validation import Finding
 
-__all__ = ["CameraReport", "PoseDifference", "RigReport", "rig_report"]
-
 
 class PoseDifference(Record):
     """Difference of a camera's pose from that of another source.

@@ -30,8 +30,6 @@ from calibrary.records import Record, from_json, replace
 from calibrary.rig import Rig, RigCamera, RigPose
 from calibrary.strictjson import parse_json
 
-__all__ = ["CORNERS_NAME", "RigCorners", "RigDetections", "detect_rig", "saved_rig", "solved_rig"]
-
 CORNERS_NAME = "rig.json"
 
 

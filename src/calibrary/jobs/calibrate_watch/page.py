@@ -26,8 +26,6 @@ from calibrary.pages import (
 )
 from calibrary.pages.plots import Axis, heat_map
 
-__all__ = ["facts", "watch_page", "watched"]
-
 REFRESH_S = 2
 BADGES = {
     BoardVerdict.PASS: Badge("pass", Tone.GOOD),

@@ -32,8 +32,6 @@ from calibrary.jobs.calibrate.frames import is_frame, refuse_recordings
 from calibrary.records import Record
 from calibrary.validation import Severity
 
-__all__ = ["Watch", "WatchStatus", "WatchedFrame"]
-
 Stamp: TypeAlias = tuple[int, int]
 """File size in bytes and modification time, by which a file that is still being written is recognised."""
 

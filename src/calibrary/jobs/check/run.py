@@ -21,8 +21,6 @@ from calibrary.records import Meta, Record
 from calibrary.registry.entry_yaml import entry_file, parse_entry
 from calibrary.sfm.pixel_check import PixelCheck, PixelVerdict
 
-__all__ = ["CheckReport", "check_files"]
-
 
 class CameraPixels(Record):
     """Check of the K from the images or the registry against the pixels.

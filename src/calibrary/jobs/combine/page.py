@@ -27,8 +27,6 @@ from calibrary.provenance import facts
 from calibrary.sfm.season import Drift
 from calibrary.validation import Severity
 
-__all__ = ["combination_page"]
-
 OUTCOMES: Final = {
     BoardVerdict.PASS: Badge("pass", Tone.GOOD),
     BoardVerdict.PROVISIONAL: Badge("provisional", Tone.CAUTION),

@@ -12,8 +12,6 @@ from calibrary.sfm.season import Drift
 from calibrary.strictyaml import YamlValue
 from calibrary.validation import Finding, Severity
 
-__all__ = ["CombinationReport", "CombinedSource"]
-
 
 class CombinedSource(Record):
     """One of the calibrations.

@@ -25,8 +25,6 @@ from calibrary.sfm.combination import WeightedMean, shared_parameters, weighted_
 from calibrary.sfm.tracks import FEWEST_IMAGES
 from calibrary.validation import Finding, Severity
 
-__all__ = ["NOT_MEASURED", "agreement", "day_of", "judged", "obstacles", "same_images"]
-
 SAME_TURN_DEG: Final = 0.1
 """Largest difference of the camera's turns in two adjustments of the same images, if they determine the camera."""
 NOT_MEASURED: Final = "not-measured"

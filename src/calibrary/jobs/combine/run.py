@@ -30,8 +30,6 @@ from calibrary.sfm.combination import Difference, WeightedMean, difference, expl
 from calibrary.sfm.season import Drift, of_one_model, solve_season
 from calibrary.validation import Finding, Severity
 
-__all__ = ["COMBINATION", "LEVEL", "combined", "solved_together"]
-
 COMBINATION: Final = "combination"
 """Kind of provenance."""
 LEVEL: Final = 0.001

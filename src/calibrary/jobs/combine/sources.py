@@ -25,8 +25,6 @@ from calibrary.parsers.files import read_regular_file
 from calibrary.progress import Progress
 from calibrary.records import replace
 
-__all__ = ["Source", "read_flights", "read_sources"]
-
 _RULE: Final = re.compile(r"([a-z][a-z-]+): ")
 
 

@@ -29,8 +29,6 @@ from calibrary.progress import Progress
 from calibrary.provenance import Grade
 from calibrary.records import Record, replace
 
-__all__ = ["ConvertReport", "ConvertedFile", "convert_files", "convert_one", "write_into_database"]
-
 
 class ConvertedFile(Record):
     """One file that was written, or could not be.

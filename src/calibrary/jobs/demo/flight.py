@@ -36,8 +36,6 @@ from calibrary.synthetic import (
     write_image,
 )
 
-__all__ = ["Band", "DemoImage", "Expectation", "Shot", "farmland", "infrared", "write_demo", "write_flight"]
-
 T = TypeVar("T")
 
 _DJI_PACKET_BYTES = 8159

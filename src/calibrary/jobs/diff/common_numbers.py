@@ -17,17 +17,6 @@ from calibrary.calibration import Calibration
 from calibrary.distortion import NESTED, Distortion, NoDistortion, exact
 from calibrary.records import replace
 
-__all__ = [
-    "K_NAMES",
-    "SAME",
-    "Common",
-    "common_numbers",
-    "has_other_source",
-    "in_one_model",
-    "is_same",
-    "values_of",
-]
-
 K_NAMES: Final = ("fx", "fy", "cx", "cy")
 PINHOLE: Final = (*K_NAMES, "skew")
 

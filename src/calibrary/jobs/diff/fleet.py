@@ -18,8 +18,6 @@ from calibrary.registry.firmware import compare as compare_versions
 from calibrary.registry.paths import PROPOSED, id_of, in_use_path, is_proposal
 from calibrary.registry.registry import Registry
 
-__all__ = ["EntryChange", "FleetDiffReport", "by_firmware", "entry_change", "since"]
-
 Counted = Callable[[int, int], None]
 """Called with the number done and the total."""
 

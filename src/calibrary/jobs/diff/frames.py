@@ -16,8 +16,6 @@ from calibrary.image_size import same_aspect
 from calibrary.jobs.diff.lens_rays import axial
 from calibrary.jobs.diff.wording import frame_size
 
-__all__ = ["FOCAL_SLACK", "CommonFrame", "check_units", "common_frame"]
-
 FOCAL_SLACK = 0.2
 """Largest relative difference at which two focal lengths count as the same one with a crop."""
 

@@ -18,8 +18,6 @@ from calibrary.distortion import NoDistortion
 from calibrary.jobs.diff.common_numbers import is_same
 from calibrary.records import replace
 
-__all__ = ["MEASURABLE_PX", "axial", "bends_px", "is_inverse", "is_one_lens", "moves_px", "pinholes"]
-
 STEP: Final = 1e-4
 """tan of the angle from the axis at which the focal lengths are taken; what the distortion adds is below 1e-8."""
 STEEPEST: Final = math.cos(math.radians(70.0))

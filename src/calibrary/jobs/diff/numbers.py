@@ -35,8 +35,6 @@ from calibrary.jobs.diff.wording import percent, pixels
 from calibrary.policy import Policy
 from calibrary.records import Meta, Record, replace
 
-__all__ = ["Ground", "Numbers", "Parameter", "numbers_of", "what_moved"]
-
 BLIND_SHARE: Final = 0.05
 """Fraction of the image covered by only one of two lenses above which the border alone cannot be the cause."""
 LARGE_SHARE: Final = 0.1

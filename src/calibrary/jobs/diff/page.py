@@ -33,8 +33,6 @@ from calibrary.pages.wording import count, made_by, minus, rounded, sentence
 from calibrary.provenance import facts
 from calibrary.records import replace
 
-__all__ = ["badge_of", "comparison_page", "comparison_sections", "fleet_page"]
-
 TONES = {
     ChangeVerdict.IDENTICAL: Tone.GOOD,
     ChangeVerdict.NOISE: Tone.GOOD,

@@ -46,8 +46,6 @@ from calibrary.jobs.diff.uncertainty import PRIORS, std_of
 from calibrary.jobs.diff.verdicts import Kind, Structural
 from calibrary.jobs.diff.wording import frame_size, listed, pixels
 
-__all__ = ["other_camera", "signatures"]
-
 SAME_RATIO = 0.01
 """Relative tolerance between a ratio of focal lengths and a ratio of image sides, if both are exact."""
 

@@ -34,22 +34,6 @@ from calibrary.jobs.diff.wording import listed
 from calibrary.probability import normal_tails
 from calibrary.records import replace
 
-__all__ = [
-    "MEASURED_GRADES",
-    "PRIORS",
-    "Basis",
-    "Prior",
-    "Scale",
-    "Significance",
-    "Spread",
-    "basis_of",
-    "covariances_of",
-    "image_scale",
-    "significance",
-    "spread_of",
-    "std_of",
-]
-
 
 class Prior(Struct, frozen=True, kw_only=True):
     """Typical relative standard deviations.

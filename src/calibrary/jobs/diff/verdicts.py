@@ -7,8 +7,6 @@ from typing import Final, Literal
 
 from calibrary.records import Record
 
-__all__ = ["ALARMING", "ChangeVerdict", "Kind", "Structural", "Use"]
-
 
 class ChangeVerdict(StrEnum):
     """Verdict of a comparison, best first."""

@@ -6,8 +6,6 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
-__all__ = ["chance", "frame_size", "length", "listed", "percent", "pixels"]
-
 SMALLEST_PX: Final = 5e-4
 SMALLEST_M: Final = 5e-5
 SMALLEST_SHARE: Final = 5e-6

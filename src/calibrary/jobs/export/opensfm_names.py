@@ -21,8 +21,6 @@ from calibrary.calibration import Calibration, ImageSize
 from calibrary.catalogue import load_catalogue
 from calibrary.evidence.metadata import ImageMetadata
 
-__all__ = ["odm_entry_names", "odm_names", "opensfm_names"]
-
 ODM_PROJECTIONS: Final = ("perspective", "brown", "fisheye_opencv")
 ODM_UNKNOWN: Final = 0.85
 """ODM's default for focal length ÷ width if EXIF states none."""

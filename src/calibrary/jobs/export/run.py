@@ -27,14 +27,6 @@ from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.snapshot import Snapshot, StoredEntry
 from calibrary.registry.spreadsheet import csv_text
 
-__all__ = [
-    "ExportReport",
-    "Exported",
-    "NotExported",
-    "check_target",
-    "export",
-]
-
 ODM: Final = "odm_cameras"
 ROS: Final = "ros_camera_info"
 

@@ -43,19 +43,6 @@ from calibrary.validation import Verdict
 if TYPE_CHECKING:
     from calibrary.jobs.diff.comparison import DiffReport
 
-__all__ = [
-    "ALTITUDE_M",
-    "CalibrationsOfFile",
-    "CheckedFile",
-    "Rightness",
-    "check_candidates",
-    "contradictions",
-    "may_be_calibration",
-    "read_calibration_files",
-    "read_candidates",
-    "size_of",
-]
-
 USUAL: Final = frozenset(
     {".xml", ".yml", ".yaml", ".json", ".cal", ".txt", ".cam", ".opt", ".ini", ".toml", ".npy"}
 )

@@ -22,20 +22,6 @@ from calibrary.policy import Policy
 from calibrary.records import Record, replace
 from calibrary.validation import Report, Verdict
 
-__all__ = [
-    "DEFAULT_SENSOR_MM",
-    "Camera",
-    "JudgedState",
-    "Rows",
-    "Sensor",
-    "SortedImages",
-    "State",
-    "StateDocument",
-    "group_cameras",
-    "sort_images",
-    "states_of",
-]
-
 DEFAULT_SENSOR_MM = (13.2, 8.8)
 """The nominal 1-inch sensor, the default of the source document."""
 

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from calibrary.jobs.weigh.use import Allowed
     from calibrary.sfm.pixel_check import PixelCheck
 
-__all__ = ["JudgedCamera", "slugs", "slugs_of"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class JudgedCamera:

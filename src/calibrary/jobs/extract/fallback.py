@@ -29,21 +29,6 @@ from calibrary.records import Record, replace
 from calibrary.registry.paths import id_of
 from calibrary.validation import Finding, Report, Severity, Verdict, validate
 
-__all__ = [
-    "Fallback",
-    "Sources",
-    "Step",
-    "StepName",
-    "StepOutcome",
-    "by_pixels",
-    "fits",
-    "moved",
-    "outranking",
-    "proposed_against",
-    "read_matrix",
-    "seed",
-]
-
 
 class StepName(StrEnum):
     """The steps, in order."""

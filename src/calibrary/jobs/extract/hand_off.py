@@ -50,22 +50,6 @@ from calibrary.parsers.format import FREE_LENS, UNKNOWN_LENS, Fidelity, Fit, in_
 from calibrary.parsers.opensfm_models import opensfm_camera
 from calibrary.records import encoded, replace
 
-__all__ = [
-    "RESTORE",
-    "TARGETS",
-    "HandedCamera",
-    "Nearest",
-    "Target",
-    "TaskFolder",
-    "hand_off",
-    "lay_out",
-    "nearest",
-    "plan_database",
-    "refinement",
-    "seed_command",
-    "task_folder",
-]
-
 OPENSFM_MODELS: Final = "camera_models_overrides.json"
 OPENSFM_IMAGES: Final = "exif_overrides.json"
 REALITYSCAN_CSV: Final = "realityscan.csv"

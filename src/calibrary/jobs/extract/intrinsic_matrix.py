@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 from calibrary.errors import BadRationalError, InputError, MissingTagError
 from calibrary.parsers.imagery import read_metadata
 
-__all__ = ["MinimalReport", "extract_intrinsic_matrix"]
-
 FOCAL_TAG = "EXIF FocalLength"
 
 

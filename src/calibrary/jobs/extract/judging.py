@@ -48,8 +48,6 @@ from calibrary.validation import (
     validate,
 )
 
-__all__ = ["judge", "judge_image", "named", "scene_of", "validation_context"]
-
 FAILS = frozenset({Severity.WARNING, Severity.UNPROVEN, Severity.ERROR})
 
 COUNTED = "as-recorded"

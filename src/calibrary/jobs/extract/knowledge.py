@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from calibrary.registry.resolution import RejectedEntry, Resolution
     from calibrary.registry.snapshot import Snapshot
 
-__all__ = ["Knowledge", "Known", "flight_entries"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Known:

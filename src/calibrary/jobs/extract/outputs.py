@@ -37,8 +37,6 @@ from calibrary.parsers.formats.k_npy import matrix_file
 from calibrary.records import replace
 from calibrary.validation import Verdict
 
-__all__ = ["Wanted", "check_place", "left_over", "plan"]
-
 
 def left_over(paths: Iterable[Path | str]) -> str:
     """Return the remark on files of an earlier run that this one does not write."""

@@ -52,8 +52,6 @@ from calibrary.provenance import facts
 from calibrary.sfm.pixel_check import PixelCheck, PixelVerdict
 from calibrary.validation import Report, Verdict
 
-__all__ = ["MOST_NAMES", "VERDICTS", "JobFacts", "camera_section", "report_page", "verdict_badge"]
-
 MOST_DRAWN: Final = 40
 """Most cameras with plots; more would make the page slow to create and to open."""
 MOST_CAMERAS: Final = 500

@@ -23,8 +23,6 @@ from calibrary.sfm.alterations import Claim, Kind, focal_altered
 from calibrary.sfm.pixel_check import CentreCheck, DistortionCheck, PixelCheck, PixelVerdict
 from calibrary.validation import Finding, Report, Severity, Verdict, lacks_confirmation
 
-__all__ = ["REMEDIES", "Verified", "claim_of", "claim_of_image", "verified", "with_pixels"]
-
 Verified = tuple[Camera, Fallback | None, PixelCheck | None, Look | None]
 
 

@@ -27,8 +27,6 @@ from calibrary.records import Json, Meta, Record, encoded
 from calibrary.sfm.pixel_check import PixelCheck
 from calibrary.validation import Finding, Report, Verdict
 
-__all__ = ["CameraDocument", "ExtractReport", "Outputs", "camera_document", "encode"]
-
 
 class JudgedSource(SourceEstimate):
     """Estimate of K from one source.

@@ -64,8 +64,6 @@ from calibrary.progress import Progress, counted, log, stage
 from calibrary.records import replace
 from calibrary.validation import Finding, Report, Severity, Verdict
 
-__all__ = ["Judging", "judge_images", "limits", "run"]
-
 EDITED = "as-recorded"
 """Rule that finds images which are not as the camera wrote them."""
 

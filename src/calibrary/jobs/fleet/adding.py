@@ -46,8 +46,6 @@ from calibrary.registry.registry import Registry
 from calibrary.registry.snapshot import Snapshot
 from calibrary.validation import Severity
 
-__all__ = ["Said", "add_catalogue", "add_file", "add_folder"]
-
 OPTIONAL_TEXTS: Final = ("sub_camera", "lens", "capture_mode", "firmware")
 OF_THE_MODEL: Final = {Grade.DESIGN, Grade.DERIVED}
 SERIAL_IN_NAME: Final = re.compile(r"(?i)\b(SN|serial)(?:[-_ ][0-9A-Z]*\d{3}|\d{4})[0-9A-Z]*")

@@ -27,9 +27,6 @@ from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.images.folders import SkippedFile
 from calibrary.jobs.images.observation import ID_BYTES, Observation, Seen, path_order
 
-__all__ = ["EXAMPLES", "Accumulator", "Flight", "IdTable", "Names", "undated"]
-
-
 Rows: TypeAlias = tuple[npt.NDArray[np.uint64], npt.NDArray[np.uint32], npt.NDArray[np.uint32]]
 """The first eight bytes of each id, the last four, and the number of the image's metadata."""
 

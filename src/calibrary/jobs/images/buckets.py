@@ -23,9 +23,6 @@ from typing import Any, Final
 from calibrary.extras import require
 from calibrary.jobs.images.ranged import First, Listed, Store, StoreError
 
-__all__ = ["OBSTORE", "bucket", "options"]
-
-
 OBSTORE: Final = frozenset({"s3", "s3a", "gs", "az", "azure", "abfs", "abfss", "adl"})
 NEEDS: Final = "reading images from object stores"
 _STATUS = re.compile(r"status code: ([45]\d\d)\b")

@@ -12,16 +12,6 @@ from calibrary.errors import InputError
 from calibrary.parsers.files import is_image
 from calibrary.records import Record
 
-__all__ = [
-    "SkippedFile",
-    "files_in",
-    "find_files",
-    "find_images",
-    "places_of_copies",
-    "refuse_overwriting",
-    "walk",
-]
-
 
 class SkippedFile(Record):
     """An image from which no camera can be identified.

@@ -15,8 +15,6 @@ from calibrary.jobs.images.places import archive_of, images_at, members, place_o
 from calibrary.parsers.files import is_image
 from calibrary.records import replace
 
-__all__ = ["LISTED", "Listing"]
-
 Keep: TypeAlias = Callable[[os.DirEntry[str]], bool]
 
 LISTED = 10_000

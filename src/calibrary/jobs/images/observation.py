@@ -16,8 +16,6 @@ from calibrary.parsers.imagery.reader import read_source
 from calibrary.parsers.imagery.source import Source
 from calibrary.parsers.imagery.taken import day_of
 
-__all__ = ["EXPORTS", "ID_BYTES", "Image", "Observation", "Seen", "names_a_camera", "observe", "path_order"]
-
 ID_BYTES = 12
 """Length of an image id; among 10⁹ images two get the same 96 bits with a probability of 6 · 10⁻¹²."""
 

@@ -24,8 +24,6 @@ from calibrary.jobs.images.ranged import Remote, Store, StoreError, opened
 from calibrary.parsers.files import is_image
 from calibrary.parsers.imagery.source import Source, open_source
 
-__all__ = ["archive_of", "images_at", "is_remote", "is_url", "members", "open_place", "place_of", "shown"]
-
 ARCHIVES: Final = {".zip": "zip", ".tar": "tar"}
 LARGEST: Final = 1 << 32
 """Largest compressed member in bytes; it can only be read from its beginning, and no image is larger."""

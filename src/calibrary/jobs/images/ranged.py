@@ -24,8 +24,6 @@ from calibrary.progress import log
 if TYPE_CHECKING:
     from _typeshed import WriteableBuffer
 
-__all__ = ["FIRST", "First", "Listed", "Ranged", "Remote", "Store", "StoreError", "opened", "patiently"]
-
 FIRST: Final = 64 * 1024
 """Bytes of the first request; contains the whole header of most images."""
 WINDOW: Final = 64 * 1024

@@ -346,8 +346,6 @@ def _unread(unit: Unit | None, question: Question) -> Accumulator:
 Future: TypeAlias = Any
 """Dask's Future; Dask declares no types."""
 
-__all__ = ["MERGED", "PIECE", "connected", "on_cluster"]
-
 PIECE: Final = 10_000
 """Images per task: some seconds of work, compared with some milliseconds of overhead in the scheduler."""
 MERGED: Final = 8

@@ -16,8 +16,6 @@ from urllib.request import getproxies, proxy_bypass
 
 from calibrary.jobs.images.ranged import First, Listed, StoreError
 
-__all__ = ["WebServer", "web_server"]
-
 TIMEOUT_S: Final = 30.0
 KEPT: Final = 64
 """Most connections that stay open for further requests."""

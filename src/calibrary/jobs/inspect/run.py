@@ -21,8 +21,6 @@ from calibrary.parsers.unsized import UnsizedCalibration
 from calibrary.progress import Progress
 from calibrary.records import Json, Record, replace
 
-__all__ = ["InspectFilesReport", "InspectReport", "InspectedFile", "InspectedTag", "inspect_files"]
-
 
 class InspectedTag(Record):
     """One EXIF tag.

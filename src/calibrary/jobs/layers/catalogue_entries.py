@@ -21,8 +21,6 @@ from calibrary.registry.entry import Alias, Entry, Sensor
 from calibrary.registry.paths import folder_of
 from calibrary.version import __version__
 
-__all__ = ["KIND", "NotImported", "catalogue_entries"]
-
 KIND: Final = "catalogue"
 """Kind of provenance of these entries."""
 

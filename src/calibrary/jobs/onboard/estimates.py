@@ -44,18 +44,6 @@ from calibrary.registry.snapshot import Snapshot
 from calibrary.strictyaml import YamlValue
 from calibrary.validation import Expected, NamedFocal, Report, ValidationContext, Verdict, validate
 
-__all__ = [
-    "Serves",
-    "chosen_of",
-    "compare_estimates",
-    "entry_for",
-    "estimates",
-    "held_against",
-    "is_same",
-    "refused_by",
-    "relatives",
-]
-
 JUDGED: Final = MEASURED | {Grade.DESIGN}
 """Grades of K that are precise enough for a difference between two of them to be relevant."""
 SIGMAS: Final = 3.0

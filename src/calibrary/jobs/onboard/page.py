@@ -48,8 +48,6 @@ from calibrary.pages.wording import (
 from calibrary.provenance import facts
 from calibrary.validation import Report, Verdict
 
-__all__ = ["onboard_page"]
-
 STANDINGS: Final = {
     "proposed": Tone.NEUTRAL,
     "in dispute": Tone.NEUTRAL,

@@ -32,16 +32,6 @@ from calibrary.parsers.files import is_image
 from calibrary.policy import Policy
 from calibrary.records import replace
 
-__all__ = [
-    "Payload",
-    "PayloadCamera",
-    "PayloadCameras",
-    "classify_payload",
-    "find_cameras",
-    "sha256_of",
-    "used_files",
-]
-
 LARGEST_CALIBRATION: Final = 4 << 20
 MOST_FILES: Final = 100_000
 TRIED: Final = 24

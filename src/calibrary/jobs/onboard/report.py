@@ -27,20 +27,6 @@ else:
         Any  # they have no JSON form, which the fields of a record are looked at for
     )
 
-__all__ = [
-    "Agreement",
-    "CameraDecision",
-    "Decision",
-    "Estimate",
-    "ImageSolve",
-    "Kind",
-    "OnboardReport",
-    "ProposedEntry",
-    "RelatedEntry",
-    "SortedFolder",
-    "UsedFile",
-]
-
 Count: TypeAlias = Annotated[int, Meta(ge=0)]
 
 

@@ -69,8 +69,6 @@ from calibrary.registry.registry import Registry
 from calibrary.registry.resolution import Resolution
 from calibrary.sfm.pixel_judging import FEWEST_IMAGES
 
-__all__ = ["Onboarding", "page_name", "write_drafts"]
-
 BRANCHES: Final = "onboard/"
 SECONDS_AN_IMAGE: Final = 7
 """Duration per image from features to adjustment, on two cores (docs/flight.md)."""

@@ -28,8 +28,6 @@ from calibrary.registry.paths import find_path, find_paths, id_of, proposal_path
 from calibrary.registry.resolution import RegistryIndex, RejectedEntry, Resolution
 from calibrary.registry.snapshot import Snapshot, StoredEntry
 
-__all__ = ["FleetAnswer", "UsedEntry", "resolved"]
-
 SEVERAL: Final = 8
 
 

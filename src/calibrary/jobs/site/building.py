@@ -43,8 +43,6 @@ from calibrary.registry.places import is_published
 from calibrary.registry.registry import Registry
 from calibrary.workers import mapped
 
-__all__ = ["Progress", "Site", "build", "build_into", "entry_files"]
-
 Progress = Callable[[int, int], None]
 """Called with the number of entries done and the total."""
 

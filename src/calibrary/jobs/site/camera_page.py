@@ -60,19 +60,6 @@ from calibrary.registry.history import EntryRevision
 from calibrary.registry.paths import slug
 from calibrary.registry.published.layout import camera_path
 
-__all__ = [
-    "STATUSES",
-    "Step",
-    "camera_page",
-    "download_blocks",
-    "downloads",
-    "files_of",
-    "made_at",
-    "published_file",
-    "step_page",
-    "steps",
-]
-
 MOST_COMPARED: Final = 100
 """Most changes of one entry that get a page, newest first; few cameras are calibrated as often."""
 MOST_REVISIONS: Final = 200

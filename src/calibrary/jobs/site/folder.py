@@ -23,8 +23,6 @@ from calibrary.registry.paths import ROOT, SUFFIX
 from calibrary.registry.places import is_published
 from calibrary.registry.published.output import OWN_NAMES, SITE_MARKER
 
-__all__ = ["INDEX", "MARKER", "Place", "check_out", "replaced", "way"]
-
 INDEX = "index.html"
 
 _SAFE = re.compile(r"[a-z0-9_][a-z0-9._~+-]*(?:/[a-z0-9_][a-z0-9._~+-]*){2,6}")

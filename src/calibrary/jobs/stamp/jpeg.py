@@ -13,8 +13,6 @@ from typing import Final, NamedTuple
 
 from calibrary.errors import ParseError
 
-__all__ = ["with_xmp"]
-
 XMP: Final = b"http://ns.adobe.com/xap/1.0/\0"
 EXTENSION: Final = b"http://ns.adobe.com/xmp/extension/\0"
 EXIF: Final = b"Exif\0"

@@ -44,8 +44,6 @@ from calibrary.records import Meta, Record, replace
 from calibrary.registry.places import registries
 from calibrary.registry.resolution import FOCAL_TOLERANCE
 
-__all__ = ["StampReport", "StampedImage", "by_registry", "one_camera", "stamp_all"]
-
 
 class StampedImage(Record):
     """One image.

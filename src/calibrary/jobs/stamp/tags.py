@@ -32,8 +32,6 @@ from calibrary.synthetic import packet as empty_packet
 if TYPE_CHECKING:
     from lxml.etree import _Element
 
-__all__ = ["REMOVED", "WORDS", "Properties", "Tags", "camera_tags", "dji_tags", "merged"]
-
 PIX4D: Final = "http://pix4d.com/camera/1.0"
 DJI: Final = "http://www.dji.com/drone-dji/1.0/"
 

@@ -15,8 +15,6 @@ from calibrary.errors import ParseError
 from calibrary.parsers.imagery.directory import MAX_ENTRIES, TYPE_SIZES
 from calibrary.parsers.imagery.tiff import MAX_PAGES, SUB_IFDS, XMP
 
-__all__ = ["with_xmp"]
-
 BYTE: Final = 1
 COG: Final = b"GDAL_STRUCTURAL_METADATA_SIZE="
 """Start of the header of a cloud-optimised GeoTIFF, which guarantees that its directories come first."""

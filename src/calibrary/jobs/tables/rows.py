@@ -35,17 +35,6 @@ from calibrary.registry.spreadsheet import csv_text
 if TYPE_CHECKING:
     import pyarrow as pa
 
-__all__ = [
-    "Table",
-    "audit_table",
-    "camera_table",
-    "catalogue_table",
-    "check_table_place",
-    "entry_table",
-    "file_table",
-    "image_table",
-]
-
 Cell: TypeAlias = str | int | float | bool | None
 
 COUNTS: Final = frozenset({"width_px", "height_px", "images"})

@@ -26,8 +26,6 @@ from calibrary.parsers.writing import why_unwritten
 from calibrary.progress import Progress, log, stage
 from calibrary.records import Meta, Record, replace
 
-__all__ = ["NewCameras", "UndistortReport", "undistort_all"]
-
 Share: TypeAlias = Annotated[float, Meta(ge=0, le=1)]
 
 

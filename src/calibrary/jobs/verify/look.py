@@ -38,8 +38,6 @@ from calibrary.sfm.sigma import CameraUncertainty, camera_uncertainty
 from calibrary.sfm.tracks import Scene, Tracks, thinned
 from calibrary.sfm.two_view import TwoViewFocal, focal_of_pairs
 
-__all__ = ["MOST_IMAGES", "MOST_POINTS", "Look", "chosen", "look", "looked"]
-
 MOST_IMAGES: Final = 12
 
 START_STD: Final = 0.02

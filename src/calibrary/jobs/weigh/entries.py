@@ -29,8 +29,6 @@ from calibrary.registry.entry import Entry, Status
 from calibrary.registry.paths import in_use_path
 from calibrary.validation import Finding, Severity
 
-__all__ = ["BY_LAST_APPROVED", "CONTRADICTIONS", "contradictions"]
-
 BY_UNIT: Final = "length-unit"
 BY_SIZE: Final = "image-size"
 BY_CATALOGUE: Final = "against-catalogue"

@@ -18,8 +18,6 @@ from calibrary.policy import Policy
 from calibrary.quality import Proven
 from calibrary.records import Record
 
-__all__ = ["Allowed", "Use", "allowed"]
-
 MEASURED = frozenset({Grade.CALIBRATED, Grade.ADJUSTED})
 
 
