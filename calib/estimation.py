@@ -13,7 +13,7 @@ from calibrary.calib.board import Board, Pattern
 from calibrary.calib.board_shape import BoardShape, board_shape, laid_on
 from calibrary.calib.lens_change import as_model
 from calibrary.calib.lens_models import SPLINED, Solvable
-from calibrary.calib.model_choice import best_model
+from calibrary.calib.model_choice import best_model, calmer
 from calibrary.calib.network import Network
 from calibrary.calib.observations import Observations, View
 from calibrary.calib.opencv_state import one_blas_thread
@@ -64,7 +64,15 @@ def estimate(
     """
     splined = model == SPLINED
     solved = solved_views(observations, "auto" if splined else model, guess=guess, warp=warp, gate=gate)
-    return assess(solved, limits, policy, seed=seed, splined=splined)
+    result = assess(solved, limits, policy, seed=seed, splined=splined)
+    kappa2 = result.calibration.quality.kappa2 if result.calibration.quality else None
+    if model != "auto" or kappa2 is None or kappa2 <= limits.kappa2_wanted:
+        return result
+    better = calmer(result.candidates, solved.solution.state.model, kappa2)
+    if better is None:
+        return result
+    again = solved_views(observations, better[0], guess=guess, warp=warp, gate=gate)
+    return replace(assess(again, limits, policy, seed=seed), candidates=better[1])
 
 
 def solved_views(

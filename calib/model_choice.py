@@ -142,6 +142,36 @@ def best_model(
     return min(allowed, key=lambda pair: pair[0].criterion)[1], candidates
 
 
+def calmer(
+    candidates: Sequence[Candidate], chosen: Solvable, kappa2: float
+) -> tuple[Solvable, tuple[Candidate, ...]] | None:
+    """Return a polynomial that explains the corners as well as the rational lens that was chosen; None if none does.
+
+    Where views contradict one another, χ² counts κ² times too much (QAIC: Lebreton et al., 1992), and what the rational
+    lens has gained is theirs. Its numerator and denominator then cancel, and it runs away where no corner was seen.
+
+    Args:
+        candidates: those that were compared.
+        chosen: the best of them.
+        kappa2: variance factor of the chosen one.
+
+    Returns:
+        The polynomial, and the candidates with the reason why the rational lens is not chosen.
+    """
+    if chosen is not Solvable.RATIONAL:
+        return None
+
+    def weighed(one: Candidate) -> float:
+        terms = PENALTY * len(one.model.parameters)
+        return (one.criterion - terms) / kappa2 + terms
+
+    best = min((one for one in candidates if one.refused is None and not one.model.is_sphere), key=weighed)
+    if best.model is chosen:
+        return None
+    why = f"gains less than the views contradict one another: variance factor {kappa2:.1f}"
+    return best.model, tuple(replace(one, refused=why) if one.model is chosen else one for one in candidates)
+
+
 def _beginnings(
     nearest: Adjusted, before: Sequence[Adjusted], model: Solvable, *, warp: bool
 ) -> Iterator[Adjusted]:
