@@ -16,7 +16,7 @@ from calibrary.calib.misfit import Misfit
 from calibrary.calib.model_choice import Candidate, WarpTest
 from calibrary.calibration import ImageSize
 from calibrary.policy import Policy
-from calibrary.quality import Proven
+from calibrary.quality import Proven, two_digits
 from calibrary.records import Record
 from calibrary.validation import Finding, Severity
 
@@ -309,7 +309,7 @@ def _numbers(e: Evidence, policy: Policy, height_cm: float) -> str:
     limit = f"{proven.share:.0%} of the {image} is proven to {policy.fixed_sigma_px:g} px"
     if proven.sigma_px is None:
         return f"no part of the {image} is proven to {policy.fixed_sigma_px:g} px, {height}"
-    edge = f", {proven.edge_px:.2g} px at its edge" if proven.edge_px > policy.fixed_sigma_px else ""
+    edge = f", {two_digits(proven.edge_px)} px at its edge" if proven.edge_px > policy.fixed_sigma_px else ""
     return (
         f"{proven.sigma_px:.2g} px within {proven.radius_px:.0f} px of the middle{edge} ({limit}), {height}"
     )

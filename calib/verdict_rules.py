@@ -11,6 +11,7 @@ from calibrary.calib.rejection import in_px
 from calibrary.calib.verdict import LIMITS, Evidence, Limits
 from calibrary.calibration import ImageSize
 from calibrary.policy import FLEET, Policy
+from calibrary.quality import two_digits
 from calibrary.validation import Finding, Severity
 
 
@@ -67,8 +68,8 @@ def _rejected(e: Evidence, limits: Limits) -> Iterator[Finding]:
             severity=Severity.UNPROVEN if severe else Severity.NOTE,
             measured=share,
             limit=limits.lost_views_wanted,
-            message=f"{_count(e.views_out, 'view')} rejected as outliers: their residuals are far larger than the "
-            "others', because the camera moved or corners are wrong",
+            message=f"{_outliers(e.views_out, 'view')}: residuals far larger than the others', because "
+            "the camera moved or corners are wrong",
             remedy="look at these frames",
         )
     if e.corners_out:
@@ -76,7 +77,7 @@ def _rejected(e: Evidence, limits: Limits) -> Iterator[Finding]:
             rule="corners-rejected",
             severity=Severity.NOTE,
             measured=e.corners_out,
-            message=f"{_count(e.corners_out, 'single corner')} rejected as outliers: glare, shadow or something in "
+            message=f"{_outliers(e.corners_out, 'single corner')}: glare, shadow or something in "
             "front of the board",
         )
 
@@ -168,7 +169,7 @@ def _known(e: Evidence, limits: Limits, policy: Policy) -> Iterator[Finding]:
             measured=proven.edge_px,
             limit=policy.fixed_sigma_px,
             message=f"K is proven within {proven.radius_px:.0f} px of the middle; farther out, where no corner was "
-            f"seen, the standard deviation of a projection reaches {proven.edge_px:.2g} px",
+            f"seen, the standard deviation of a projection reaches {two_digits(proven.edge_px)} px",
             remedy=_where(e),
         )
     del limits
@@ -425,8 +426,12 @@ _CHECKS: Final[tuple[Callable[[Evidence, Limits], Iterator[Finding]], ...]] = (
 )
 
 
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun} was" if number == 1 else f"{number} {noun}s were"
+def _outliers(number: int, noun: str) -> str:
+    return (
+        f"{number} {noun} was rejected as an outlier"
+        if number == 1
+        else f"{number} {noun}s were rejected as outliers"
+    )
 
 
 def at_least(

@@ -51,6 +51,7 @@ html_title = f"calibrary {version}"
 html_static_path = ["_static"]
 html_css_files = ["manual.css"]
 html_js_files = ["filter.js"]
+html_search_scorer = str(DOCS / "_static" / "scorer.js")
 html_show_sourcelink = False
 html_copy_source = False
 html_show_sphinx = False

@@ -9,13 +9,18 @@ from __future__ import annotations
 import argparse
 import io
 import os
+import re
 import shutil
 import sys
-from collections.abc import Sequence
+import threading
+import time
+from collections.abc import Iterator, Sequence
 from contextlib import chdir, redirect_stderr, redirect_stdout
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
+from urllib.parse import urlencode, urlsplit
+from urllib.request import HTTPCookieProcessor, build_opener
 
 from rich.terminal_theme import TerminalTheme
 from rich.text import Text
@@ -29,6 +34,7 @@ from calibrary.cli.extract_display import Display
 from calibrary.cli.main import main as command
 from calibrary.jobs.calibrate import calibrate
 from calibrary.jobs.demo.flight import write_flight
+from calibrary.jobs.desk import desk
 from calibrary.jobs.diff.comparison import compare
 from calibrary.jobs.diff.page import comparison_page
 from calibrary.jobs.extract.outputs import plan
@@ -120,6 +126,8 @@ CALIBRATE_PARTS = (("header", 1010), ("#held", 740), ("#trust", 520))
 
 
 JOB_PARTS = (("h1", 1100),)
+DESK_PARTS = {"look-up": (("header", 1000),), "flight": (("header", 900),)}
+"""Of the desk's pages: an answer, and a flight that was checked."""
 
 
 def judge(flight: Path) -> ExtractReport:
@@ -198,6 +206,38 @@ def job_pages() -> tuple[str, str]:
     return audit, onboard
 
 
+def desk_pages() -> Iterator[tuple[str, str]]:
+    """Names and pages of a desk, as its browser gets them."""
+    with TemporaryDirectory() as folder:
+        fleet, flight = Path(folder) / "fleet", Path(folder) / "flight"
+        write_fleet(fleet)
+        write_flight(flight)
+        server = desk(fleet)
+        thread = threading.Thread(target=server.run)
+        thread.start()
+        try:
+            browser, place = build_opener(HTTPCookieProcessor()), urlsplit(server.address)
+
+            def page(address: str, **asked: str) -> str:
+                data = urlencode(asked).encode() if asked else None
+                # Names of this machine's temporary folder tell a reader nothing.
+                said: str = browser.open(f"{place.scheme}://{place.netloc}{address}", data).read().decode()
+                return said.replace(folder, "/home/ada")
+
+            browser.addheaders = [("Origin", f"{place.scheme}://{place.netloc}")]
+            browser.open(server.address)
+            yield "look-up", page("/?q=fc6310r")
+            [token] = set(re.findall(r'name="token" value="(\w+)"', page("/flight")))
+            checked = page("/flight", token=token, place=str(flight), to="odm")
+            while (state := re.search(r'data-state="(/job/[^"]+)/state"', checked)) is not None:
+                time.sleep(0.5)
+                checked = page(state[1])
+            yield "flight", checked
+        finally:
+            server.stop()
+            thread.join()
+
+
 def screenshot(html: str, out: Path, *, parts: Sequence[tuple[str, int]]) -> None:
     """Parts of a page as Chromium shows them, one below the other, in few colours.
 
@@ -266,6 +306,8 @@ def main() -> int:
         audit, onboard = job_pages()
         screenshot(audit, arguments.out / "audit-page.png", parts=JOB_PARTS)
         screenshot(onboard, arguments.out / "onboard-page.png", parts=JOB_PARTS)
+        for name, page in desk_pages():
+            screenshot(page, arguments.out / f"desk-{name}.png", parts=DESK_PARTS[name])
     return 0
 
 

@@ -116,7 +116,7 @@ def _cameras(e: RigEvidence, limits: RigLimits) -> Iterator[Finding]:
                 severity=severity,
                 measured=len(names),
                 limit=0,
-                message=f"the calibration of {first_of(names, 4)} is {_SAID[verdict]}, and the rig cannot be better",
+                message=f"{first_of(names, 4)}: the calibration is {_SAID[verdict]}, and the rig cannot be better",
                 remedy="see the findings of these cameras",
             )
 
@@ -218,12 +218,13 @@ def _shots(e: RigEvidence, limits: RigLimits) -> Iterator[Finding]:
         return
     shots = list(dict.fromkeys(shot for shot, _ in e.apart))
     share = len(shots) / max(e.shots + len(shots), 1)
+    where = f"shot{'s' * (len(shots) > 1)} {first_of(shots, 4)}"
     yield Finding(
         rule="shots-apart",
         severity=Severity.UNPROVEN if share > limits.apart_wanted else Severity.NOTE,
         measured=share,
         limit=limits.apart_wanted,
-        message=f"in {first_of(shots, 4)} the cameras contradict the rig; these views serve the lenses only",
+        message=f"in {where} the cameras contradict the rig; these views serve the lenses only",
         remedy="something moved between the exposures: look at these frames",
     )
 

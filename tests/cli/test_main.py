@@ -118,7 +118,7 @@ def test_the_name_alone_shows_the_commands_by_job(capsys: pytest.CaptureFixture[
         (["extract", "--quiet", "--verbose"], "calibrary extract: argument --verbose/-v: not allowed with"),
         (
             ["registry", "hold", "x"],
-            "calibrary registry hold: the following arguments are required: --reason",
+            "calibrary registry hold: the following arguments are required: --reason, as in 'calibrary registry hold",
         ),
         (["registry"], "calibrary registry: the following arguments are required: COMMAND"),
         (["registry", "show"], "calibrary registry show: expected KEY[@REV], or --textconv FILE"),

@@ -125,19 +125,20 @@ def test_where_one_of_several_cameras_was_refused_it_says_that_nothing_was_writt
             report(one, branches={"onboard/x": "a" * 40}),
             [
                 "wrote 0 drafts on the branch onboard/x, aaaaaaaaaaaa",
-                "then: calibrary registry approve --from onboard/x",
+                "then: calibrary registry approve --from onboard/x --registry fleet",
             ],
         ),
     ):
         shown = screen()
-        onboard._show_written(shown, done)
+        onboard._show_written(shown, done, " --registry fleet")
         assert lines(shown) == expected
 
 
 def test_a_draft_that_was_written_is_told_with_the_command_that_shows_it() -> None:
     entry, shown = an_entry(), screen()
     wrote = decision(entry=ProposedEntry.of(entry, None), branch="onboard/x")
-    onboard._show_written(shown, report(wrote, branches={"onboard/x": "a" * 40}, warnings=("unsigned",)))
+    written = report(wrote, branches={"onboard/x": "a" * 40}, warnings=("unsigned",))
+    onboard._show_written(shown, written, "")
     assert lines(shown) == [
         "wrote 1 draft on the branch onboard/x, aaaaaaaaaaaa",
         "note: unsigned",

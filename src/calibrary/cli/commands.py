@@ -48,6 +48,10 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Print the error and where the flags are explained, and exit."""
+        if message.startswith("the following arguments are required") and (
+            example := re.search(r"^  (calibrary .*?)(?:  |$)", self.epilog or "", re.MULTILINE)
+        ):
+            message += f", as in {example[1]!r}"
         stop = "" if message.endswith("?") else ";"
         self.exit(EXIT_USAGE, f"{self.prog}: {message.rstrip('.')}{stop} see '{self.prog} --help'\n")
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 from calibrary.cli.commands import add_json_flag, print_json
 from calibrary.cli.flags import add_flags, call
 from calibrary.cli.progress import Bar
+from calibrary.cli.registry import where
 from calibrary.cli.registry.changes import add_yes_flag, agreed, can_ask, screen_of_change
 from calibrary.cli.tables import Column, fitted
 from calibrary.jobs.onboard import onboard
@@ -91,7 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
     with Bar(note(arguments), "looking at") as bar:
         asked = _ask if can_ask() and not arguments.yes else None
         done = call(onboard, arguments, ask=asked, write=is_wanted, progress=bar)
-    _show_written(screen, done)
+    _show_written(screen, done, where(arguments))
     is_other = bool(done.drafts) and not done.is_as_seen(arguments.digest)
     if is_other:
         note(arguments).say("nothing was written: the files are not those that were looked at; look at these")
@@ -193,7 +194,7 @@ def _sources(one: CameraDecision, width: int) -> list[Text]:
     return fitted(SOURCES, rows, width)
 
 
-def _show_written(screen: Screen, done: OnboardReport) -> None:
+def _show_written(screen: Screen, done: OnboardReport, of_registry: str) -> None:
     """Show the branches; or that nothing was written, if something could have been."""
     drafts = [(one.entry, one.branch) for one in done.cameras if one.branch in done.branches]
     for branch, commit in done.branches.items():
@@ -203,9 +204,9 @@ def _show_written(screen: Screen, done: OnboardReport) -> None:
         _say(screen, f"note: {warning}", "yellow")
     for entry, of in drafts:
         if entry is not None:
-            _say(screen, f"look at it: calibrary registry show {entry.id}@{of}")
+            _say(screen, f"look at it: calibrary registry show {entry.id}@{of}{of_registry}")
     for branch in done.branches:
-        _say(screen, f"then: calibrary registry approve --from {branch}")
+        _say(screen, f"then: calibrary registry approve --from {branch}{of_registry}")
     if done.drafts and not done.branches:
         _say(screen, f"nothing was written into the registry; --digest {done.digest[:12]} writes this")
     elif not done.is_good and len(done.cameras) > 1:

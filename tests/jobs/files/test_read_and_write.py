@@ -15,7 +15,7 @@ from calibrary import Calibration
 from calibrary.arguments import Reading
 from calibrary.distortion import BrownConrady, NoDistortion
 from calibrary.errors import InputError, ParseError, UnsupportedModelError
-from calibrary.jobs.files import read_argument, read_file
+from calibrary.jobs.files import read_argument, read_arguments, read_file
 from calibrary.quality import Covariance, Quality
 from calibrary.records import replace
 from tests.sfm.flights import Plan, fly
@@ -67,6 +67,15 @@ def test_several_cameras_are_listed_with_how_to_choose(furnished: Path) -> None:
     assert calibrary.read(path, camera=2) == calibrary.read_all(path)[1]
     with pytest.raises(InputError, match=r"has no camera 3; it holds 2, counted from 1"):
         calibrary.read(path, camera=3)
+
+
+def test_the_camera_of_two_files_is_that_of_the_one_with_several(furnished: Path) -> None:
+    both, one = furnished / "stereo.yml", furnished / "left.yml"
+    calibrary.write([calibrary.read_all(both)[0]], one, format="opencv_storage")
+    left, right = (read_arguments(one, both, Reading(camera=name))[1] for name in ("1", "right"))
+    assert [left.calibration, right.calibration] == calibrary.read_all(both)
+    with pytest.raises(InputError, match=r"left\.yml: has no camera 2"):
+        read_arguments(one, both, Reading(camera="2,1"))
 
 
 def test_a_camera_is_chosen_by_its_name_too(furnished: Path) -> None:

@@ -20,7 +20,7 @@ from tests.registry.git.repositories import seclude
 pytestmark = only_where_a_browser_is
 
 FLAT = "changes/example/flat/5472x3648+f24"
-SHOWN = "#cameras ~ * tbody tr:not([hidden]) th"
+SHOWN = "#all-cameras ~ * tbody tr:not([hidden]) th"
 
 
 @pytest.fixture(scope="module")

@@ -15,6 +15,7 @@ from calibrary.cli.commands import print_json
 from calibrary.cli.console import note, plain, printable
 from calibrary.cli.registry.changes import screen_of_change
 from calibrary.cli.tables import Column, facts, fitted
+from calibrary.quality import two_digits
 
 if TYPE_CHECKING:
     from calibrary.cli.console import Screen
@@ -215,7 +216,7 @@ def _facts(report: CalibrateReport) -> Iterator[tuple[str, str]]:
         within = f"{proven.sigma_px:.2g} px where it is proven, " if proven.sigma_px is not None else ""
         yield (
             "uncertainty",
-            f"{within}at most {proven.edge_px:.2g} px anywhere in the "
+            f"{within}at most {two_digits(proven.edge_px)} px anywhere in the "
             + ("frame" if proven.circle_px is None else "image circle"),
         )
 

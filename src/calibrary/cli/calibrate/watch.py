@@ -75,7 +75,9 @@ def _show(screen: Screen, status: WatchStatus) -> None:
     for reason in status.missing[:3]:
         screen.say(f"  [yellow]missing[/]  {plain(reason)}")
     if status.next is not None:
+        from calibrary.quality import two_digits
+
         screen.say(
             f"  [bold]next[/]  {plain(str(status.next))}: the largest σ over the frame is then expected at "
-            f"{status.next.edge_px:.2g} px, {status.next.gain:.0%} less"
+            f"{two_digits(status.next.edge_px)} px, {status.next.gain:.0%} less"
         )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from calibrary.cli.commands import add_json_flag, print_json
 from calibrary.cli.flags import add_flags, call
-from calibrary.cli.registry import add_registry_flag, opened
+from calibrary.cli.registry import add_registry_flag, opened, where
 from calibrary.cli.registry.changes import agreed, can_ask, decide, screen_of_change
 from calibrary.jobs.fleet import Fleet
 
@@ -71,7 +71,7 @@ def _approve_rules(arguments: argparse.Namespace) -> int:
         if not can_ask():
             arguments.parser.error(
                 "nothing was written: there is no terminal to ask on. Once you have looked at it: calibrary registry "
-                f"approve {RULES} --digest {oid[:12]}"
+                f"approve {RULES}{where(arguments)} --digest {oid[:12]}"
             )
         if not agreed(argparse.Namespace(yes=False, parser=arguments.parser), "Put that in force?"):
             screen.say("nothing was written")
@@ -97,6 +97,6 @@ def _is_agreed(arguments: argparse.Namespace, change: ProposedChange) -> bool:
         branch = f" --from {arguments.source}" if arguments.source is not None else ""
         arguments.parser.error(
             f"nothing was written: there is no terminal to ask on. Once you have looked at it: calibrary registry "
-            f"approve {' '.join(one.entry.id for one in pending)}{branch} {digests}"
+            f"approve {' '.join(one.entry.id for one in pending)}{branch}{where(arguments)} {digests}"
         )
     return agreed(argparse.Namespace(yes=False, parser=arguments.parser), f"Approve {names}?")

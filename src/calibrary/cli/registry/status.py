@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from calibrary.cli.commands import add_json_flag, print_json
 from calibrary.cli.flags import add_flags, call
 from calibrary.cli.progress import Bar
-from calibrary.cli.registry import add_registry_flag, entries, opened
+from calibrary.cli.registry import add_registry_flag, entries, opened, where
 from calibrary.jobs.fleet import Fleet
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
         return EXIT_WAITING if done.is_waiting else 0
     screen = out(arguments)
     for _, alike in groupby(done.matters, key=lambda one: (one.kind, one.yours, one.waits_for)):
-        _show(screen, [*alike], done.day)
+        _show(screen, [*alike], done.day, where(arguments))
     mine = sum(one.yours for one in done.matters)
     who = plain(done.person or "you")
     verdict = f"[bold yellow]{mine} for {who}[/]" if mine else f"[bold green]nothing waits for {who}[/]"
@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
     return EXIT_WAITING if done.is_waiting else 0
 
 
-def _show(screen: Screen, alike: Sequence[Matter], today: date) -> None:
+def _show(screen: Screen, alike: Sequence[Matter], today: date, of_registry: str) -> None:
     """Print matters of one kind and of the same people; many of them as one."""
     from calibrary.cli.console import plain
     from calibrary.errors import first_of
@@ -73,7 +73,7 @@ def _show(screen: Screen, alike: Sequence[Matter], today: date) -> None:
     matter, age = alike[0], ""
     if len(alike) <= MOST_ALIKE and len(alike) > 1:
         for one in alike:
-            _show(screen, [one], today)
+            _show(screen, [one], today, of_registry)
         return
     since = min((one.since for one in alike if one.since is not None), default=None)
     if since is not None:
@@ -95,4 +95,6 @@ def _show(screen: Screen, alike: Sequence[Matter], today: date) -> None:
         return
     screen.say(plain(matter.text), indent=2)
     if matter.next is not None:
-        screen.say(f"[cyan]next[/] {plain(matter.next)}", indent=2)
+        # What begins as one of its commands may also be several of them, or a sentence.
+        is_one = matter.next.startswith("calibrary registry ") and "," not in matter.next
+        screen.say(f"[cyan]next[/] {plain(matter.next + of_registry * is_one)}", indent=2)

@@ -126,7 +126,7 @@ def _uses(report: CalibrateReport) -> Block:
     asked = {AskedUse.FIXED, AskedUse.START, report.asked.use}
     return Table(
         caption="What it is good for",
-        columns=(Column("use"), Column(""), Column("because")),
+        columns=(Column("use"), Column("answer"), Column("because")),
         rows=tuple(
             (one.words, Badge("yes", Tone.GOOD) if one.holds else Badge("no", Tone.CAUTION), one.why)
             for one in report.uses.checks
@@ -299,7 +299,7 @@ def _models(report: CalibrateReport) -> Block:
             Column("parameters", numeric=True),
             Column("RMS (px)", numeric=True),
             Column("criterion − best", numeric=True),
-            Column(""),
+            Column("remark"),
         ),
         rows=tuple(
             (

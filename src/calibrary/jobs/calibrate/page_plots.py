@@ -43,6 +43,8 @@ MEAN_CELLS: Final = (16, 12)
 """Columns and rows of the cells in which residuals are averaged."""
 FEWEST: Final = 3
 """Fewest residuals in a cell for a mean."""
+MOST_DRAWN: Final = 3000
+"""Most points of a plot of all of them, each of which takes 90 bytes."""
 MOST_BARS: Final = 120
 
 
@@ -207,6 +209,7 @@ def _proven(report: CalibrateReport, observations: Observations) -> Figure | Non
     corners, _ = _residuals(report.views, observations)
     where = near_corners(pixels, corners, size) & inside_circle(pixels, observations.circle)
     where &= np.nan_to_num(std.ravel(), nan=np.inf) <= uses.limit_px
+    every = math.ceil(len(corners) / MOST_DRAWN)
     circle = observations.circle
     middle = (circle.x, circle.y) if circle is not None else (size[0] / 2, size[1] / 2)
 
@@ -216,7 +219,7 @@ def _proven(report: CalibrateReport, observations: Observations) -> Figure | Non
         axes.plot(
             *pixels[where].T, linestyle="none", marker="s", markersize=9, color=Colour.GOOD.light, alpha=0.35
         )
-        axes.plot(*corners.T, linestyle="none", marker=".", markersize=2, color=Colour.MUTED.light)
+        axes.plot(*corners[::every].T, linestyle="none", marker=".", markersize=2, color=Colour.MUTED.light)
         turn = np.linspace(0, 2 * math.pi, 181)
         rings = [(*middle, proven.radius_px, Colour.GOOD, "-")]
         rings += [(circle.x, circle.y, circle.radius, Colour.SECOND, "--")] if circle is not None else []
@@ -231,7 +234,8 @@ def _proven(report: CalibrateReport, observations: Observations) -> Figure | Non
         svg=draw(paint, width=520, height=430),
         alt=alt,
         caption=f"Where {report.points} prove K to {uses.limit_px:g} px: {proven.share:.0%} of the {image}, "
-        f"everywhere within {proven.radius_px:.0f} px of the middle (ring). Outside, σ extrapolates the model.",
+        f"everywhere within {proven.radius_px:.0f} px of the middle (ring). Outside, σ extrapolates the model."
+        + (f" Of the {report.points}, one in {every} is drawn." if every > 1 else ""),
     )
 
 

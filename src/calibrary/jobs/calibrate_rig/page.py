@@ -63,7 +63,7 @@ def _sections(report: RigReport) -> Iterator[Section]:
         poses += [*_compared("what the frames' metadata state", report.stated)]
         poses += [*_compared("the file that was given", report.compared)]
         yield Section(title="Relative poses", anchor="poses", blocks=tuple(poses))
-    yield Section(title="Cameras", anchor="cameras", blocks=(_lenses(report),))
+    yield Section(title="Cameras", blocks=(_lenses(report),))
     if report.shots:
         yield Section(
             title="How the shots fit",

@@ -25,6 +25,7 @@ from calibrary.pages import (
     render_page,
 )
 from calibrary.pages.plots import Axis, heat_map
+from calibrary.quality import two_digits
 
 REFRESH_S = 2
 BADGES = {
@@ -79,7 +80,7 @@ def _next(status: WatchStatus) -> Iterator[Block]:
         yield Note(text="It passes.", action="solve it with calibrary calibrate", tone=Tone.GOOD)
         return
     if status.next is not None:
-        expected = f"{status.next.edge_px:.2g} px, {status.next.gain:.0%} less"
+        expected = f"{two_digits(status.next.edge_px)} px, {status.next.gain:.0%} less"
         gain = f"The largest σ over the frame is then expected at {expected}."
         yield Note(text=f"{str(status.next).capitalize()}.", action=gain, tone=Tone.NEUTRAL)
     if status.missing:
@@ -109,14 +110,16 @@ def facts(status: WatchStatus) -> Iterator[tuple[str, str]]:
         values = {"fx": sigma.fx, "cx": sigma.cx, "cy": sigma.cy, "largest over the frame": sigma.edge}
         yield (
             "σ × κ",
-            ", ".join(f"{name} {value:.2g} px" for name, value in values.items() if value is not None),
+            ", ".join(
+                f"{name} {two_digits(value)} px" for name, value in values.items() if value is not None
+            ),
         )
 
 
 def _frames(frames: Sequence[WatchedFrame]) -> Table:
     return Table(
         caption="The latest first",
-        columns=(Column("frame"), Column("corners", numeric=True), Column("")),
+        columns=(Column("frame"), Column("corners", numeric=True), Column("remarks")),
         rows=tuple(
             (
                 frame.name,

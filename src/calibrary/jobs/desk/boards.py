@@ -183,7 +183,7 @@ def solved(job: Job, address: str, drop: Drop | None) -> Page:
     done = from_json(CalibrateReport, msgspec.json.decode(found[-1]))
     K = done.calibration
     findings = tuple(
-        Note(text=one.message, action=one.remedy, tone=TONES.get(one.severity, Tone.NEUTRAL))
+        Note(text=sentence(one.message), action=one.remedy, tone=TONES.get(one.severity, Tone.NEUTRAL))
         for one in done.findings
     )
     quality = K.quality
@@ -209,7 +209,7 @@ def solved(job: Job, address: str, drop: Drop | None) -> Page:
 def _uses(done: CalibrateReport) -> Iterator[Block]:
     yield Bullets(tuple(sentence(f"{one.words}: {one}") for one in done.uses.checks))
     if done.notes:
-        yield Bullets(done.notes)
+        yield Bullets(tuple(map(sentence, done.notes)))
 
 
 def _files(address: str) -> Iterator[Block]:

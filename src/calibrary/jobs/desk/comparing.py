@@ -22,6 +22,7 @@ from calibrary.jobs.diff.page import comparison_page
 from calibrary.jobs.files import read_arguments
 from calibrary.jobs.fleet import Fleet
 from calibrary.pages import Badge, Code, Field, Form, Link, Note, Page, Section, Tone
+from calibrary.pages.wording import sentence
 from calibrary.policy import FLEET
 from calibrary.records import replace
 from calibrary.registry.paths import id_of
@@ -224,7 +225,7 @@ def reported(job: Job, address: str, _: object) -> Page:
     return desk_page(
         title=job.title,
         badge=Badge("good", Tone.GOOD) if good else Badge("needs attention", Tone.CAUTION),
-        lead=verdict,
+        lead=sentence(verdict.removeprefix("needs attention: ")),
         sections=(
             Section(
                 title="Found",

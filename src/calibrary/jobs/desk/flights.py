@@ -298,9 +298,9 @@ def checked(job: Job, address: str, drop: Drop | None) -> Page:
     found = json.loads(file.read_text(encoding="utf-8"))
     cameras = found["cameras"]
     valid = sum(one["verdict"] == "valid" for one in cameras)
-    notes = [Note(text=text, tone=Tone.CAUTION) for text in found["warnings"]]
+    notes = [Note(text=sentence(text), tone=Tone.CAUTION) for text in found["warnings"]]
     unread = [f"{one['file']}: {one['reason']}" for one in found["rejected"]]
-    notes += [Note(text=f"cannot be read: {text}", tone=Tone.BAD) for text in unread[:20]]
+    notes += [Note(text=sentence(f"cannot be read: {text}"), tone=Tone.BAD) for text in unread[:20]]
     if left_out := drop.left_out if drop is not None else ():
         names = ", ".join(left_out[:5])
         text = f"{count(len(left_out), 'file')} left out, neither images nor small enough for calibrations: {names}"

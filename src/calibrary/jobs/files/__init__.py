@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Final, TypeAlias
 
@@ -452,7 +453,7 @@ def read_argument(
         InputError: the file cannot be read, or contains several cameras and none is chosen.
         RegistryError: neither a file nor an entry has that name.
     """
-    return _read(given, reading, registry, reading.image_size)
+    return _read(given, reading, registry, image_size=reading.image_size)
 
 
 def read_arguments(
@@ -465,24 +466,26 @@ def read_arguments(
 
     Raises:
         MissingTagError: neither states an image size.
-        InputError: as for :func:`read_argument`. ``reading.camera`` may name two, "cam0,cam1", one for each.
+        InputError: as for :func:`read_argument`. ``reading.camera`` may name two, "cam0,cam1", one for each; one
+            alone is that of a file with several.
         RegistryError: as for :func:`read_argument`.
     """
     a, b = _labelled("a", first), _labelled("b", second)
     size = reading.image_size
     of_a, of_b = reading, reading
+    read = partial(_read, registry=registry, is_for_several="," not in str(reading.camera))
     if isinstance(reading.camera, str) and "," in reading.camera:
         left, _, right = (part.strip() for part in reading.camera.partition(","))
         of_a, of_b = replace(reading, camera=left), replace(reading, camera=right)
     try:
-        one = _read(a, of_a, registry, size)
+        one = read(a, of_a, image_size=size)
     except MissingTagError:
-        two = _read(b, of_b, registry, size)
-        return _read(a, of_a, registry, two.calibration.intrinsics.image_size), two
+        two = read(b, of_b, image_size=size)
+        return read(a, of_a, image_size=two.calibration.intrinsics.image_size), two
     try:
-        return one, _read(b, of_b, registry, size)
+        return one, read(b, of_b, image_size=size)
     except MissingTagError:
-        return one, _read(b, of_b, registry, one.calibration.intrinsics.image_size)
+        return one, read(b, of_b, image_size=one.calibration.intrinsics.image_size)
 
 
 def _labelled(label: str, given: Calibration | str | Path) -> Argument | str | Path:
@@ -493,7 +496,9 @@ def _read(
     given: Argument | str | Path,
     reading: Reading,
     registry: Place | Sequence[Place] | None,
+    *,
     image_size: ImageSize | None,
+    is_for_several: bool = False,
 ) -> Argument:
     if isinstance(given, Argument):
         return given
@@ -508,7 +513,8 @@ def _read(
         entry = parse_entry(data, path.name, require_digest=False)
         return Argument(label=text, calibration=noted(entry))
     calibrations = read_file(path, replace(reading, image_size=image_size))
-    number = 1 if reading.camera is None and _is_one_camera(calibrations) else reading.camera
+    is_only = len(calibrations) == 1 and is_for_several
+    number = 1 if is_only or (reading.camera is None and _is_one_camera(calibrations)) else reading.camera
     return Argument(label=text, calibration=choose(calibrations, number, source=text))
 
 

@@ -91,7 +91,7 @@ def onboard_page(done: OnboardReport) -> Page:
     elif any(one.decision is Decision.READY for one in done.cameras):
         badge, lead = (
             Badge("ready, not written", Tone.CAUTION),
-            "A draft could be proposed; nothing is written into the registry.",
+            f"{count(len(done.drafts), 'draft')} could be proposed; nothing is written into the registry.",
         )
     else:
         badge, lead = (
@@ -299,7 +299,7 @@ def _sources(one: CameraDecision) -> Details:
         columns=(Column("file"), Column("what"), Column("sha256")),
         rows=tuple((used.name, used.what, used.sha256) for used in one.sources[:MOST_ROWS]),
     )
-    return Details(summary=f"{count(len(one.sources), 'source')} with their hashes", blocks=(table,))
+    return Details(summary=f"{count(len(one.sources), 'source')}, with hashes", blocks=(table,))
 
 
 def _sorted(done: OnboardReport) -> Section:

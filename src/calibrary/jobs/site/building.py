@@ -409,12 +409,12 @@ def listing(cards: Sequence[Card], policy: Policy, made_by: str) -> str:
                 if card.page is not None and card.status is not None
             ),
         )
-        sections.insert(0, Section(title="Cameras", anchor="cameras", blocks=(table,)))
+        sections.insert(0, Section(title="Cameras", anchor="all-cameras", blocks=(table,)))
     else:
         empty = Note(
             text="The registry contains no camera yet.", action="calibrary registry add FILE puts one in"
         )
-        sections.insert(0, Section(title="Cameras", anchor="cameras", blocks=(empty,)))
+        sections.insert(0, Section(title="Cameras", anchor="all-cameras", blocks=(empty,)))
     page = Page(
         title="Camera registry",
         lead=f"{'; '.join(parts)}. Checked against the {policy.name} policy.",

@@ -2,7 +2,7 @@
 (() => {
   const FACETS = ["status", "grade", "make", "model", "lens", "uncertainty", "last change"];
   const MOST_CHOICES = 2000;
-  const table = document.querySelector("#cameras").parentElement.querySelector("table");
+  const table = document.querySelector("#all-cameras").parentElement.querySelector("table");
   const heads = [...table.tHead.rows[0].cells];
   const titles = heads.map((head) => head.textContent.trim());
   const folded = (text) => text.normalize("NFKD").replace(/\p{M}/gu, "").toLowerCase();
