@@ -29,13 +29,12 @@ from calibrary.calib.lens_series import next_term, shift_of_term
 from calibrary.calib.result import FlightGeometry, FlightNuisance
 from calibrary.calib.variance_factor import Half, SplitHalf, compared, solved_half
 from calibrary.calibration import Covariance, ImageSize
-from calibrary.distortion.base import blocks
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
 from calibrary.sfm.adjust import Adjustment
 from calibrary.sfm.bundle import Bundle, adjust_bundle, lens_block, linearise, projections, reduce
 from calibrary.sfm.nuisances import READOUT, Nuisance
-from calibrary.sfm.ripple import ripple_shift
+from calibrary.sfm.ripple import by_image, ripple_shift, wander_shift
 from calibrary.sfm.tracks import upward
 
 __all__ = [
@@ -75,8 +74,6 @@ agree."""
 
 TRAVEL_STD: Final = 0.1
 """Of an image's travel during the readout, as a share of the mean one, along and across (rad)."""
-TRAVEL_NUMBERS: Final = 1 << 24
-"""Derivatives by the travels of single images that are kept at once: 128 MiB."""
 
 
 class FixedCentre(Struct, frozen=True, kw_only=True, eq=False):
@@ -142,15 +139,17 @@ def camera_uncertainty(found: Adjustment, *, seed: int = 0) -> CameraUncertainty
     inflation = max(1.0, split.kappa2) if split is not None else 1.0
     separates = geometry.focal_by_px <= FOCAL_BY_PX
     # Errors that the residuals do not show: a search that ended early, a principal point that could as well be in the
-    # centre, the lens's next term, and a lens that departs from every model. Each is the outer product of a shift.
+    # centre, the lens's next term, a lens that departs from every model, and one that wanders. Each is the outer
+    # product of a shift.
     held = _with_fixed_centre(bundle, C * inflation, geometry.focal_by_px)
-    of_lens = np.zeros_like(C)
+    of_lens, wander, px = np.zeros_like(C), np.zeros_like(C), _feature_px(bundle)
     with suppress(CalibrationError):
-        of_lens += ripple_shift(bundle, max(1.0, max(bundle.tracks.image_size) / FEATURE_SIDE))
+        of_lens += ripple_shift(bundle, px)
+        wander += wander_shift(bundle, px)
     further = _next_term_shift(bundle, C, inflation)
     if further is not None:
         of_lens += np.outer(further, further)
-    between = _unsettled(bundle, C) + _by_travel(bundle) + of_lens
+    between = _unsettled(bundle, C) + _by_travel(bundle) + wander + of_lens
     if held is not None:
         shift = held.parameters - bundle.scene.parameters
         between += held.weight * np.outer(shift, shift)
@@ -342,23 +341,17 @@ def _by_travel(bundle: Bundle) -> FloatArray:
     One travel is adjusted, along the camera's heading; wind and turns make it another in each image.
     """
     tracks, scene, n, g = bundle.tracks, bundle.scene, len(bundle.scene.parameters), len(bundle.free)
-    images, covariance = np.flatnonzero(tracks.used), np.zeros((n, n))
+    covariance = np.zeros((n, n))
     if tracks.nuisances is None or not tracks.nuisances.active[READOUT]:
         return covariance
-    seen, at = projections(tracks, scene), np.searchsorted(images, tracks.image)
+    seen = projections(tracks, scene)
+    by_travel = np.stack([scene.nuisances[READOUT] * seen.by_readout, seen.by_heading], axis=2)
     # An image's columns meet no other's, so that any few at a time give the same sum.
-    for some in blocks(len(images), max(1, TRAVEL_NUMBERS // (4 * len(at)))):
-        k = some.stop - some.start
-        row = np.flatnonzero((at >= some.start) & (at < some.stop))
-        columns = np.zeros((len(at), 2, 2 * k))
-        columns[row, :, at[row] - some.start] = TRAVEL_STD * scene.nuisances[READOUT] * seen.by_readout[row]
-        columns[row, :, k + at[row] - some.start] = TRAVEL_STD * seen.by_heading[row]
-        linear = linearise(tracks, scene, bundle.place_variance, lambda _: columns)  # noqa: B023  called at once
-        if linear is not None:
-            free = np.concatenate([bundle.free, n + np.arange(2 * k)])
-            matrix = lens_block(reduce(tracks, linear, free), g + 2 * k)[0]
-            moved = inverted(matrix[:g, :g]) @ matrix[:g, g:]
-            covariance[np.ix_(bundle.free, bundle.free)] += moved @ moved.T
+    for linear in by_image(bundle, TRAVEL_STD * by_travel):
+        free = np.concatenate([bundle.free, np.arange(n, linear.by_lens.shape[2])])
+        matrix = lens_block(reduce(tracks, linear, free), len(free))[0]
+        moved = inverted(matrix[:g, :g]) @ matrix[:g, g:]
+        covariance[np.ix_(bundle.free, bundle.free)] += moved @ moved.T
     return covariance
 
 
@@ -386,6 +379,11 @@ def _next_term_shift(bundle: Bundle, C: FloatArray, inflation: float) -> FloatAr
     return None
 
 
+def _feature_px(bundle: Bundle) -> float:
+    """Return px of the images per px at the size of feature detection."""
+    return max(1.0, max(bundle.tracks.image_size) / FEATURE_SIDE)
+
+
 def flight_geometry(bundle: Bundle, C: FloatArray) -> FlightGeometry:
     """Compute the geometry of the adjusted flight.
 
@@ -406,8 +404,7 @@ def flight_geometry(bundle: Bundle, C: FloatArray) -> FlightGeometry:
     # Headings without sign: flying a strip in the opposite direction is not another heading.
     across = np.degrees(np.arccos(np.clip(np.abs(level @ level.T), 0.0, 1.0)))
     size = 2 * len(tracks.point)
-    px = max(1.0, max(tracks.image_size) / FEATURE_SIDE)
-    by_px = px * math.sqrt(C[0, 0] / bundle.variance * size) / scene.parameters[0]
+    by_px = _feature_px(bundle) * math.sqrt(C[0, 0] / bundle.variance * size) / scene.parameters[0]
     return FlightGeometry(
         focal_by_px=float(by_px),
         relief=float(np.subtract(*np.percentile(ground, (84.13, 15.87)))) / 2 / max(typical, 1e-12),
