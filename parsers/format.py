@@ -14,7 +14,8 @@ A new format needs only its module, ``parsers/formats/<name>.py``, and its test:
     file that belongs to it. It returns all cameras in order; with several, ``sub_camera`` is the name of each in the
     file and ``provenance.tag`` its key. ``context.size(found)`` determines the image size, ``context.option(name)``
     what only the user can know (declare it as an :class:`Option`), ``context.provenance(...)`` the provenance: only the
-    date, tool, operator and focus that the file itself states, each declared in ``Format.states``. Parse numbers with
+    date, tool, operator and focus that the file itself states, each declared in ``Format.states``;
+    ``context.calibration(K, lens, ...)`` makes the calibration with it. Parse numbers with
     ``parsers.text``, ``parsers.document`` or ``parsers.xml``, never with bare ``float``. The framework then
     accounts for what ``read`` did not use and could be a part of the lens, so nothing has to be looked for; a loader
     of documents of its own is decorated with ``parsers.document.accounted``. Pass the format's own
@@ -47,7 +48,7 @@ from typing import Final, TypeAlias
 
 from msgspec import Struct, field
 
-from calibrary.calibration import Calibration, ImageSize, Provenance
+from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Provenance, Quality
 from calibrary.distortion import Distortion
 from calibrary.errors import InputError, MissingSizeError
 from calibrary.parsers.content import Content, Syntax
@@ -181,6 +182,35 @@ class ReadContext(Struct, frozen=True, kw_only=True):
             assumptions=assumptions,
         )
         return replace(made, **{name: text or None for name, text in stated.items()})
+
+    def calibration(  # noqa: PLR0913 - the fields of a Calibration
+        self,
+        intrinsics: Intrinsics,
+        distortion: Distortion | None,
+        *,
+        name: str | None = None,
+        grade: Grade = Grade.CALIBRATED,
+        quality: Quality | None = None,
+        notes: Sequence[str] = (),
+        extras: Sequence[tuple[str, str]] = (),
+        tag: str | None = None,
+        assumptions: Sequence[str] = (),
+        **stated: str | None,
+    ) -> Calibration:
+        """Make the calibration of a camera of this file; ``name`` is its name there, if the file has several.
+
+        The rest is as in :class:`~calibrary.calibration.Calibration` and :meth:`provenance`.
+        """
+        return Calibration(
+            camera=CameraKey(image_size=intrinsics.image_size, sub_camera=name),
+            intrinsics=intrinsics,
+            distortion=distortion,
+            grade=grade,
+            quality=quality,
+            provenance=self.provenance(tag=tag, assumptions=tuple(assumptions), **stated),
+            notes=tuple(notes),
+            extras=tuple(extras),
+        )
 
 
 class WriteContext(Struct, frozen=True, kw_only=True):

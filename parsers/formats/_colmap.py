@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calibrary.arrays import BoolArray
-from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Origin
+from calibrary.calibration import Calibration, Grade, ImageSize, Intrinsics, Origin
 from calibrary.distortion import Distortion, FieldOfView, NoDistortion
 from calibrary.errors import InputError, ParseError, UnsupportedModelError
 from calibrary.interop.colmap import (
@@ -272,12 +272,12 @@ def _calibration(
     if default_model(type(distortion)) is not model:
         simplest, _ = model_for(distortion, one_focal=intrinsics.fx == intrinsics.fy)
         extras = (*extras, (MODEL, model.name)) if simplest is not model else extras
-    return Calibration(
-        camera=CameraKey(image_size=size, sub_camera=str(item.number) if several else None),
-        intrinsics=intrinsics,
-        distortion=distortion,
+    return context.calibration(
+        intrinsics,
+        distortion,
+        name=str(item.number) if several else None,
+        tag=f"camera {item.number}",
         grade=grade,
-        provenance=context.provenance(tag=f"camera {item.number}"),
         notes=(*notes, *_series(distortion)),
         extras=extras,
     )

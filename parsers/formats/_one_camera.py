@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NoReturn
 
-from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
+from calibrary.calibration import Calibration, ImageSize
 from calibrary.distortion import Distortion, KannalaBrandt
 from calibrary.errors import UnsupportedModelError
 from calibrary.parsers import text as strict
@@ -46,12 +46,12 @@ def camera(
         ParseError: the numbers are not a valid K.
     """
     settled = context.size(size)
-    return Calibration(
-        camera=CameraKey(image_size=settled, sub_camera=name),
-        intrinsics=convention.intrinsics(native, settled),
-        distortion=distortion,
-        grade=Grade.CALIBRATED,
-        provenance=context.provenance(tag=tag or name, assumptions=tuple(assumptions)),
+    return context.calibration(
+        convention.intrinsics(native, settled),
+        distortion,
+        name=name,
+        tag=tag or name,
+        assumptions=tuple(assumptions),
         notes=tuple(assumptions),
     )
 

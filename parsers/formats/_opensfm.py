@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Container, Iterator, Sequence
 from typing import TypeAlias
 
-from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Quality
+from calibrary.calibration import Calibration, Grade, ImageSize, Quality
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.document import Node
@@ -133,13 +133,13 @@ def _calibration(
     numbers |= {key: node[key].number() for key in projection.keys[3:] if key in node}
     intrinsics, distortion = calibrated(projection, numbers, size, source=context.name)
     plain = plain_name(name)
-    calibration = Calibration(
-        camera=CameraKey(image_size=size, sub_camera=plain if several else None),
-        intrinsics=intrinsics,
-        distortion=distortion,
+    calibration = context.calibration(
+        intrinsics,
+        distortion,
+        name=plain if several else None,
+        tag=name,
         grade=Grade.ADJUSTED,
         quality=Quality(views=views) if views else None,
-        provenance=context.provenance(tag=name),
         notes=(*notes, *_ignored(node, projection)),
     )
     if not adjusted and _is_untouched(plain, projection, numbers):

@@ -44,7 +44,7 @@ from typing import TYPE_CHECKING, ClassVar, Final
 import numpy as np
 
 from calibrary.arrays import FloatArray
-from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics
+from calibrary.calibration import Calibration, Grade, ImageSize, Intrinsics
 from calibrary.distortion import (
     BrownConrady,
     Distortion,
@@ -183,15 +183,13 @@ def read_elements(elements: Iterable[_Element], context: ReadContext) -> Calibra
     intrinsics, notes = _intrinsics(fields, size, context)
     assumptions = _order_tangential(fields, context)
     distortion = _fisheye(fields) if projection == "fisheye" else _frame(fields)
-    return Calibration(
-        camera=CameraKey(image_size=size),
-        intrinsics=intrinsics,
-        distortion=distortion,
+    return context.calibration(
+        intrinsics,
+        distortion,
+        date=fields.text("date") if "date" in fields else None,
+        assumptions=assumptions,
         grade=Grade.ADJUSTED,
         quality=read_covariance(fields.elements.get(COVARIANCE), distortion),
-        provenance=context.provenance(
-            date=fields.text("date") if "date" in fields else None, assumptions=assumptions
-        ),
         notes=(*notes, *assumptions),
         extras=fields.extras(),
     )

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import re
 
-from calibrary.calibration import Calibration, CameraKey, Grade, Origin
+from calibrary.calibration import Calibration, Origin
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
@@ -66,16 +66,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     lens: Distortion = NoDistortion()
     if k1 or k2 or k3:
         lens = BrownConrady(k1=k1, k2=k2, p1=0.0, p2=0.0, k3=k3)
-    return [
-        Calibration(
-            camera=CameraKey(image_size=size),
-            intrinsics=K,
-            distortion=lens,
-            grade=Grade.CALIBRATED,
-            provenance=context.provenance(),
-            notes=(NOTE,),
-        )
-    ]
+    return [context.calibration(K, lens, notes=(NOTE,))]
 
 
 FORMAT = Format(

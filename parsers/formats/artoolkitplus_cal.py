@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from calibrary.calibration import Calibration, CameraKey, Grade
+from calibrary.calibration import Calibration
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion, required
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
@@ -60,12 +60,9 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     K = CONVENTION.intrinsics(Native(fx=fx, fy=fy, cx=cx, cy=cy), size)
     ignored = (f"the sixth coefficient, {sixth:g}, is read by no program",) if sixth else ()
     return [
-        Calibration(
-            camera=CameraKey(image_size=size),
-            intrinsics=K,
-            distortion=_lens(k1, k2, p1, p2, k3),
-            grade=Grade.CALIBRATED,
-            provenance=context.provenance(),
+        context.calibration(
+            K,
+            _lens(k1, k2, p1, p2, k3),
             notes=(ORIGIN_NOTE, *ignored),
             extras=((ITERATIONS, f"{iterations:.0f}"),),
         )

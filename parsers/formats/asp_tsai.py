@@ -36,7 +36,7 @@ from collections.abc import Sequence
 import numpy as np
 from msgspec import Struct, field
 
-from calibrary.calibration import Calibration, CameraKey, Grade
+from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import (
     BrownConrady,
     Distortion,
@@ -131,12 +131,10 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     skew = fu * rows.number("alpha", 0.0) if lens == "ADJUSTABLETSAI" else 0.0
     native = Native(fx=fu / pitch, fy=fv / pitch, cx=cu / pitch, cy=cv / pitch, skew=skew / pitch)
     return [
-        Calibration(
-            camera=CameraKey(image_size=size),
-            intrinsics=CONVENTION.intrinsics(native, size),
-            distortion=_distortion(lens, rows, fu, fv),
+        context.calibration(
+            CONVENTION.intrinsics(native, size),
+            _distortion(lens, rows, fu, fv),
             grade=Grade.ADJUSTED,
-            provenance=context.provenance(),
             notes=notes,
             extras=((PITCH, repr(pitch)),) if "pitch" in rows.values else (),
         )

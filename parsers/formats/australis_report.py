@@ -36,7 +36,7 @@ from collections.abc import Sequence
 
 from msgspec import Struct, field
 
-from calibrary.calibration import Calibration, CameraKey, Grade, Quality
+from calibrary.calibration import Calibration, Quality
 from calibrary.distortion import Australis, Distortion, NoDistortion, required
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
@@ -197,13 +197,13 @@ def _calibration(
     values = camera.values
     native = Native(fx=values["C"], fy=values["C"], cx=values["XP"], cy=values["YP"])
     K = CONVENTION.intrinsics(native, size, sensor_mm=(size[0] * pitch_x, size[1] * pitch_y))
-    return Calibration(
-        camera=CameraKey(image_size=size, sub_camera=camera.name if several else None),
-        intrinsics=K,
-        distortion=_distortion(values),
-        grade=Grade.CALIBRATED,
+    return context.calibration(
+        K,
+        _distortion(values),
+        name=camera.name if several else None,
+        tag=camera.name,
+        date=date,
         quality=_quality(camera, facts, (pitch_x, pitch_y)),
-        provenance=context.provenance(tag=camera.name, date=date),
         notes=(AXES_NOTE,),
         extras=((PIXEL, repr(pitch_x)),),
     )

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from calibrary.calibration import Calibration, CameraKey, Grade
+from calibrary.calibration import Calibration
 from calibrary.distortion import (
     Distortion,
     DoubleSphere,
@@ -94,14 +94,7 @@ def _camera(name: str | None, node: Node, resolution: Node, context: ReadContext
         )
     if "rpmax" in numbers and numbers["rpmax"].number() > 0:
         notes.append(f"Basalt uses the lens up to the radius rpmax = {numbers['rpmax'].number():g} only")
-    return Calibration(
-        camera=CameraKey(image_size=size, sub_camera=name),
-        intrinsics=K,
-        distortion=distortion,
-        grade=Grade.CALIBRATED,
-        provenance=context.provenance(tag=node.place),
-        notes=tuple(notes),
-    )
+    return context.calibration(K, distortion, name=name, tag=node.place, notes=tuple(notes))
 
 
 def _kb4(node: Node) -> Distortion:

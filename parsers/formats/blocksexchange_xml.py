@@ -29,7 +29,7 @@ from collections.abc import Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
-from calibrary.calibration import Calibration, CameraKey, Grade
+from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import BrownConrady, NoDistortion, required
 from calibrary.errors import InputError, ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
@@ -104,12 +104,13 @@ def _camera(group: _Element, number: int, context: ReadContext) -> Calibration:
         inner = f"{place}, {error.place}" if error.place else place
         raise type(error)(error.message, source=context.name, place=inner) from None
     kept = [(key, (group.findtext(key) or "").strip()) for key in KEPT]
-    return Calibration(
-        camera=CameraKey(image_size=camera.intrinsics.image_size, sub_camera=name),
-        intrinsics=camera.intrinsics,
-        distortion=camera.distortion,
+    return context.calibration(
+        camera.intrinsics,
+        camera.distortion,
+        name=name,
+        tag=place,
+        assumptions=camera.assumptions,
         grade=Grade.ADJUSTED,
-        provenance=context.provenance(tag=place, assumptions=camera.assumptions),
         notes=() if camera.distortion is not None else (_without_lens(group),),
         extras=tuple((PREFIX + key, text) for key, text in kept if text),
     )

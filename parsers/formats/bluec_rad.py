@@ -25,7 +25,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from calibrary.calibration import Calibration, CameraKey, Grade
+from calibrary.calibration import Calibration
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion, required
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
@@ -75,13 +75,8 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     size = context.size(None)
     native = Native(fx=values["K11"], fy=values["K22"], cx=values["K13"], cy=values["K23"], skew=skew)
     return [
-        Calibration(
-            camera=CameraKey(image_size=size),
-            intrinsics=CONVENTION.intrinsics(native, size),
-            distortion=_lens(values),
-            grade=Grade.CALIBRATED,
-            provenance=context.provenance(),
-            notes=(SKEW_NOTE,) if skew else (),
+        context.calibration(
+            CONVENTION.intrinsics(native, size), _lens(values), notes=(SKEW_NOTE,) if skew else ()
         )
     ]
 

@@ -27,7 +27,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Origin, Quality
+from calibrary.calibration import Calibration, ImageSize, Origin, Quality
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
@@ -80,13 +80,8 @@ def camera_of(values: Mapping[str, str], context: ReadContext) -> Calibration:
     distortion = _lens(_vector(values, "kc", (4, 5, 6)), context)
     size = context.size(_size(values))
     native = Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=fx * alpha)
-    return Calibration(
-        camera=CameraKey(image_size=size),
-        intrinsics=CONVENTION.intrinsics(native, size),
-        distortion=distortion,
-        grade=Grade.CALIBRATED,
-        quality=_quality(values, distortion),
-        provenance=context.provenance(),
+    return context.calibration(
+        CONVENTION.intrinsics(native, size), distortion, quality=_quality(values, distortion)
     )
 
 

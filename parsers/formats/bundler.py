@@ -28,7 +28,7 @@ from itertools import islice
 import numpy as np
 
 from calibrary.arrays import BoolArray, FloatArray
-from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Quality
+from calibrary.calibration import Calibration, Grade, ImageSize, Quality
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
@@ -96,15 +96,14 @@ def _calibration(
     distortion: Distortion = NoDistortion()
     if k1 or k2:
         distortion = BrownConrady(k1=k1, k2=k2, p1=0.0, p2=0.0)
-    return Calibration(
-        camera=CameraKey(image_size=size, sub_camera=names[0] if several else None),
-        intrinsics=CONVENTION.intrinsics(Native(fx=f, fy=f, cx=0.0, cy=0.0), size, source=context.name),
-        distortion=distortion,
+    return context.calibration(
+        CONVENTION.intrinsics(Native(fx=f, fy=f, cx=0.0, cy=0.0), size, source=context.name),
+        distortion,
+        name=names[0] if several else None,
+        tag=names[0],
+        assumptions=("the principal point is in the middle of the image",),
         grade=Grade.ADJUSTED,
         quality=Quality(views=len(names)),
-        provenance=context.provenance(
-            tag=names[0], assumptions=("the principal point is in the middle of the image",)
-        ),
     )
 
 

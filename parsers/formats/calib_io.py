@@ -18,7 +18,7 @@ Source: calib.io, ``readCalibParameters.cpp`` (public domain); cereal's polymorp
 
 from __future__ import annotations
 
-from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
+from calibrary.calibration import Calibration, ImageSize
 from calibrary.errors import UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
@@ -66,12 +66,11 @@ def _camera(name: str | None, model: Node, names: dict[int, str], context: ReadC
     f, ar, cx, cy = (parameters[key]["val"].number() for key in ("f", "ar", "cx", "cy"))
     values = [parameters[key]["val"].number() for key in COEFFICIENTS]
     size = context.size(_size(body))
-    return Calibration(
-        camera=CameraKey(image_size=size, sub_camera=name),
-        intrinsics=CONVENTION.intrinsics(Native(fx=f, fy=f * ar, cx=cx, cy=cy), size),
-        distortion=smallest_lens(values),
-        grade=Grade.CALIBRATED,
-        provenance=context.provenance(tag=model.place),
+    return context.calibration(
+        CONVENTION.intrinsics(Native(fx=f, fy=f * ar, cx=cx, cy=cy), size),
+        smallest_lens(values),
+        name=name,
+        tag=model.place,
     )
 
 

@@ -24,7 +24,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 
-from calibrary.calibration import Calibration, CameraKey, Grade
+from calibrary.calibration import Calibration
 from calibrary.distortion import Distortion, KannalaBrandt, Unified
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
@@ -103,14 +103,7 @@ def _camera(
         notes = (
             f"K's fx is gamma1; near the axis the camera is a pinhole of {near:.6g} px, gamma1/(1 + xi)",
         )
-    return Calibration(
-        camera=CameraKey(image_size=size, sub_camera=sub_camera),
-        intrinsics=K,
-        distortion=distortion,
-        grade=Grade.CALIBRATED,
-        provenance=context.provenance(tag=tag),
-        notes=notes,
-    )
+    return context.calibration(K, distortion, name=sub_camera, tag=tag, notes=notes)
 
 
 def _pinhole(tree: Node) -> tuple[Native, Distortion]:

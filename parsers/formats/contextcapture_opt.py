@@ -17,7 +17,7 @@ Sources: Bentley, ContextCapture user guide, "Photogroups"; ``blocksexchange_xml
 
 from __future__ import annotations
 
-from calibrary.calibration import Calibration, CameraKey, Grade
+from calibrary.calibration import Calibration, Grade
 from calibrary.errors import InputError, ParseError
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
@@ -49,12 +49,11 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     except InputError as error:
         raise type(error)(error.message, source=context.name, place=error.place) from None
     return [
-        Calibration(
-            camera=CameraKey(image_size=camera.intrinsics.image_size),
-            intrinsics=camera.intrinsics,
-            distortion=camera.distortion,
+        context.calibration(
+            camera.intrinsics,
+            camera.distortion,
+            assumptions=(ASSUMPTION, *camera.assumptions),
             grade=Grade.ADJUSTED,
-            provenance=context.provenance(assumptions=(ASSUMPTION, *camera.assumptions)),
             notes=(ASSUMPTION,),
         )
     ]

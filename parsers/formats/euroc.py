@@ -35,7 +35,7 @@ import json
 import math
 from collections.abc import Sequence
 
-from calibrary.calibration import Calibration, CameraKey, Grade
+from calibrary.calibration import Calibration
 from calibrary.distortion import Distortion, KannalaBrandt, NoDistortion
 from calibrary.errors import UnsupportedModelError
 from calibrary.parsers import text as strict
@@ -84,12 +84,9 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     size = context.size(strict.image_size(width, height, place="resolution"))
     native, distortion, notes = _omni(tree) if tree["camera_model"].text() == "omni" else _pinhole(tree)
     return [
-        Calibration(
-            camera=CameraKey(image_size=size),
-            intrinsics=CONVENTION.intrinsics(native, size),
-            distortion=distortion,
-            grade=Grade.CALIBRATED,
-            provenance=context.provenance(),
+        context.calibration(
+            CONVENTION.intrinsics(native, size),
+            distortion,
             notes=notes,
             extras=tuple(
                 (PREFIX + key, json.dumps(node.value, ensure_ascii=False))

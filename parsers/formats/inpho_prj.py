@@ -32,7 +32,7 @@ from collections.abc import Iterator
 
 from msgspec import Struct, field
 
-from calibrary.calibration import Calibration, CameraKey, Grade
+from calibrary.calibration import Calibration
 from calibrary.distortion import NoDistortion
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
@@ -175,12 +175,12 @@ def _calibration(camera: _Rows, context: ReadContext, *, several: bool) -> Calib
     native = _native(camera, columns)
     name = camera.text("ID", "") or camera.text("TYPE", "") or camera.place
     known = _has_lens(camera)
-    return Calibration(
-        camera=CameraKey(image_size=size, sub_camera=name if several else None),
-        intrinsics=CONVENTION.intrinsics(native, size),
-        distortion=NoDistortion() if known is False else None,
-        grade=Grade.CALIBRATED,
-        provenance=context.provenance(tag=name, date=camera.text("DATE", "")),
+    return context.calibration(
+        CONVENTION.intrinsics(native, size),
+        NoDistortion() if known is False else None,
+        name=name if several else None,
+        tag=name,
+        date=camera.text("DATE", ""),
         notes=(NOTE,) if known else (),
         extras=tuple(
             (PREFIX + key, " ".join(camera.text(key).split())) for key in LENS if key in camera.values

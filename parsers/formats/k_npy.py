@@ -18,7 +18,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrary.calibration import Calibration, CameraKey, Grade
+from calibrary.calibration import Calibration, Grade
 from calibrary.errors import ParseError
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin, Tangential
@@ -79,13 +79,11 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
         fx=float(K[0, 0]), fy=float(K[1, 1]), cx=float(K[0, 2]), cy=float(K[1, 2]), skew=float(K[0, 1])
     )
     return [
-        Calibration(
-            camera=CameraKey(image_size=size),
-            intrinsics=replace(CONVENTION, origin=origin).intrinsics(native, size),
+        context.calibration(
+            replace(CONVENTION, origin=origin).intrinsics(native, size),
+            None,
+            assumptions=(sentence, "a bare matrix does not say how it came about; taken as derived"),
             grade=Grade.DERIVED,
-            provenance=context.provenance(
-                assumptions=(sentence, "a bare matrix does not say how it came about; taken as derived")
-            ),
         )
     ]
 

@@ -26,7 +26,7 @@ import json
 import re
 from collections.abc import Iterator, Sequence
 
-from calibrary.calibration import Calibration, CameraKey, Grade
+from calibrary.calibration import Calibration
 from calibrary.distortion import (
     BrownConrady,
     Distortion,
@@ -125,12 +125,11 @@ def camera_of(name: str | None, node: Node, context: ReadContext, *, several: bo
         notes = (
             f"K's fx is Kalibr's fu; near the axis the camera is a pinhole of {near:.6g} px, fu/(1 + xi)",
         )
-    return Calibration(
-        camera=CameraKey(image_size=size, sub_camera=name if several else None),
-        intrinsics=K,
-        distortion=distortion,
-        grade=Grade.CALIBRATED,
-        provenance=context.provenance(tag=name),
+    return context.calibration(
+        K,
+        distortion,
+        name=name if several else None,
+        tag=name,
         notes=notes,
         extras=tuple(
             (PREFIX + key, json.dumps(child.value, ensure_ascii=False))

@@ -23,8 +23,8 @@ from __future__ import annotations
 
 import re
 
-from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
-from calibrary.distortion import Distortion, NoDistortion
+from calibrary.calibration import Calibration, ImageSize
+from calibrary.distortion import NoDistortion
 from calibrary.errors import InputError, ParseError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
@@ -128,8 +128,8 @@ def _raw(number: str, table: _Table, context: ReadContext) -> Calibration:
     notes = [NOTE]
     if f"P_rect_{number}" in table.values:
         notes.append("this is the camera of the raw images; --set images=rectified gives the rectified ones")
-    size = context.size(table.size(f"S_{number}"))
-    return _camera(number, native, size, distortion, context, tag=f"K_{number}", date=table.date, notes=notes)
+    K = CONVENTION.intrinsics(native, context.size(table.size(f"S_{number}")))
+    return context.calibration(K, distortion, name=number, tag=f"K_{number}", date=table.date, notes=notes)
 
 
 def _rectified(name: str, number: str, table: _Table, context: ReadContext) -> Calibration:
@@ -138,29 +138,8 @@ def _rectified(name: str, number: str, table: _Table, context: ReadContext) -> C
         raise ParseError("this is not a projection matrix of a rectified camera", place=name)
     native = Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew)
     stated = table.size(f"S_rect_{number}") if name.startswith("P_rect") else None
-    size = context.size(stated)
-    return _camera(number, native, size, NoDistortion(), context, tag=name, date=table.date, notes=[NOTE])
-
-
-def _camera(
-    number: str,
-    native: Native,
-    size: ImageSize,
-    distortion: Distortion,
-    context: ReadContext,
-    *,
-    tag: str,
-    date: str | None,
-    notes: list[str],
-) -> Calibration:
-    return Calibration(
-        camera=CameraKey(image_size=size, sub_camera=number),
-        intrinsics=CONVENTION.intrinsics(native, size),
-        distortion=distortion,
-        grade=Grade.CALIBRATED,
-        provenance=context.provenance(tag=tag, date=date),
-        notes=tuple(notes),
-    )
+    K = CONVENTION.intrinsics(native, context.size(stated))
+    return context.calibration(K, NoDistortion(), name=number, tag=name, date=table.date, notes=(NOTE,))
 
 
 FORMAT = Format(

@@ -35,7 +35,7 @@ from decimal import Context, Decimal
 from html import escape
 from typing import TYPE_CHECKING
 
-from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
+from calibrary.calibration import Calibration, Grade, ImageSize
 from calibrary.distortion import (
     BrownConrady,
     Distortion,
@@ -100,12 +100,11 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     size = context.size(fields.size())
     native = Native(fx=float(focal), fy=float(focal), cx=float(x), cy=float(y))
     return [
-        Calibration(
-            camera=CameraKey(image_size=size),
-            intrinsics=CONVENTION.intrinsics(native, size),
-            distortion=_distortion(fields, MODELS[convention], focal, (x, y)),
+        context.calibration(
+            CONVENTION.intrinsics(native, size),
+            _distortion(fields, MODELS[convention], focal, (x, y)),
+            assumptions=(ORIGIN_NOTE,),
             grade=Grade.ADJUSTED,
-            provenance=context.provenance(assumptions=(ORIGIN_NOTE,)),
             notes=(ORIGIN_NOTE,),
             extras=fields.extras(),
         )

@@ -30,7 +30,7 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import NoReturn, TypeAlias
 
-from calibrary.calibration import Calibration, CameraKey, Grade
+from calibrary.calibration import Calibration
 from calibrary.distortion import (
     BrownConrady,
     Distortion,
@@ -117,12 +117,11 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
         if key not in {"lensmodel", "intrinsics", "imagersize"}
     ]
     return [
-        Calibration(
-            camera=CameraKey(image_size=size),
-            intrinsics=intrinsics,
-            distortion=distortion,
-            grade=Grade.CALIBRATED,
-            provenance=context.provenance(date=made and made[1], tool=made and _program(made[2])),
+        context.calibration(
+            intrinsics,
+            distortion,
+            date=made and made[1],
+            tool=made and _program(made[2]),
             extras=tuple(extras),
         )
     ]

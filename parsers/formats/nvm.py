@@ -30,7 +30,7 @@ import numpy as np
 from msgspec import Struct
 
 from calibrary.arrays import BoolArray
-from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Quality
+from calibrary.calibration import Calibration, Grade, ImageSize, Quality
 from calibrary.distortion import Distortion, InverseBrown, NoDistortion
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
@@ -108,13 +108,14 @@ def _calibration(
     convention = FIXED if heading.fixed else CONVENTION
     distortion: Distortion = InverseBrown(k1=r, k2=0.0, p1=0.0, p2=0.0) if r else NoDistortion()
     assumptions = () if heading.fixed else ("the principal point is in the middle of the image",)
-    return Calibration(
-        camera=CameraKey(image_size=size, sub_camera=names[0] if several else None),
-        intrinsics=convention.intrinsics(heading.fixed or Native(fx=f, fy=f, cx=0.0, cy=0.0), size),
-        distortion=distortion,
+    return context.calibration(
+        convention.intrinsics(heading.fixed or Native(fx=f, fy=f, cx=0.0, cy=0.0), size),
+        distortion,
+        name=names[0] if several else None,
+        tag=names[0],
+        assumptions=assumptions,
         grade=Grade.ADJUSTED,
         quality=Quality(views=len(names)),
-        provenance=context.provenance(tag=names[0], assumptions=assumptions),
         notes=(FIXED_NOTE,) if heading.fixed else (),
     )
 

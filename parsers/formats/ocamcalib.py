@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import math
 
-from calibrary.calibration import Calibration, CameraKey, Grade, Origin
+from calibrary.calibration import Calibration, Origin
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
@@ -72,12 +72,9 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     native = Native(fx=fx, fy=fy, cx=column, cy=row, skew=skew)
     turned = f"the camera's frame is turned about its axis by {math.degrees(turn):.4f}° against OCamCalib's"
     return [
-        Calibration(
-            camera=CameraKey(image_size=image_size),
-            intrinsics=CONVENTION.intrinsics(native, image_size),
-            distortion=lens,
-            grade=Grade.CALIBRATED,
-            provenance=context.provenance(),
+        context.calibration(
+            CONVENTION.intrinsics(native, image_size),
+            lens,
             notes=(turned,) if turn else (),
             extras=((PREFIX + "invpol", " ".join(inverse.split())),),
         )

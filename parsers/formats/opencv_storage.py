@@ -37,7 +37,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Quality
+from calibrary.calibration import Calibration, Grade, ImageSize, Intrinsics, Quality
 from calibrary.distortion import (
     Distortion,
     KannalaBrandt,
@@ -249,13 +249,14 @@ def _camera(
         )
     tags = [key for key in (matrix_key, coefficient_key) if key is not None]
     several = len(keys.matrices) > 1
-    return Calibration(
-        camera=CameraKey(image_size=size, sub_camera=label if several else None),
-        intrinsics=intrinsics,
-        distortion=distortion,
+    return context.calibration(
+        intrinsics,
+        distortion,
+        name=label if several else None,
+        tag=", ".join(tags),
+        date=date,
         grade=grade,
         quality=quality,
-        provenance=context.provenance(tag=", ".join(tags), date=date),
         notes=tuple(notes),
         extras=extras,
     )

@@ -23,7 +23,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 from msgspec import Struct
 
-from calibrary.calibration import Calibration, CameraKey, Grade
+from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
@@ -139,12 +139,12 @@ def _calibration(
     straight = not any(numbers) and name != "fisheye"
     guess = not posed and untouched
     start = ("no image is posed, so this is what OpenMVG starts from, out of EXIF or a table of sensors",)
-    return Calibration(
-        camera=CameraKey(image_size=size, sub_camera=key if several else None),
-        intrinsics=CONVENTION.intrinsics(Native(fx=focal, fy=focal, cx=cx, cy=cy), size),
-        distortion=NoDistortion() if straight else kind.lens(*numbers),
+    return context.calibration(
+        CONVENTION.intrinsics(Native(fx=focal, fy=focal, cx=cx, cy=cy), size),
+        NoDistortion() if straight else kind.lens(*numbers),
+        name=key if several else None,
+        tag=f"intrinsic {key}",
         grade=Grade.PRIOR if guess else Grade.ADJUSTED,
-        provenance=context.provenance(tag=f"intrinsic {key}"),
         notes=(NOTE, *(start if guess else ())),
     )
 

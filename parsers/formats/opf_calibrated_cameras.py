@@ -20,7 +20,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from msgspec import Struct
 
-from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
+from calibrary.calibration import Calibration, Grade, ImageSize
 from calibrary.distortion import BrownConrady, FisheyePolynomial, NoDistortion
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, UnknownLens, WriteContext
@@ -60,12 +60,13 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
         size = stated if stated is not None and len(items) > 1 else context.size(stated)
         intrinsics, distortion = _opf.optics(item["internals"], size)
         found.append(
-            Calibration(
-                camera=CameraKey(image_size=size, sub_camera=label),
-                intrinsics=intrinsics,
-                distortion=distortion,
+            context.calibration(
+                intrinsics,
+                distortion,
+                name=label,
+                tag=item.place,
+                tool=tool,
                 grade=Grade.ADJUSTED,
-                provenance=context.provenance(tag=item.place, tool=tool),
                 extras=_opf.extras(item, PREFIX, KNOWN),
             )
         )

@@ -16,7 +16,7 @@ Source: OPF specification 1.0, "Input cameras".
 
 from __future__ import annotations
 
-from calibrary.calibration import Calibration, CameraKey, Grade
+from calibrary.calibration import Calibration, Grade
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff
@@ -53,12 +53,12 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
             size = context.size(size)
         intrinsics, distortion = _opf.optics(item["internals"], size)
         found.append(
-            Calibration(
-                camera=CameraKey(image_size=size, sub_camera=label),
-                intrinsics=intrinsics,
-                distortion=distortion,
+            context.calibration(
+                intrinsics,
+                distortion,
+                name=label,
+                tag=item.place,
                 grade=_grade(origins.get(_opf.identity(item), set())),
-                provenance=context.provenance(tag=item.place),
                 notes=("these are the numbers a project began with, not what its adjustment found",),
                 extras=_opf.extras(item, PREFIX, KNOWN),
             )

@@ -27,7 +27,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
+from calibrary.calibration import Calibration, ImageSize
 from calibrary.distortion import Distortion, KannalaBrandt, NoDistortion
 from calibrary.errors import UnsupportedModelError
 from calibrary.parsers import text as strict
@@ -92,12 +92,11 @@ def _camera(name: str, tree: Node, context: ReadContext, *, several: bool) -> Ca
     distortion = _distortion(name, tree)
     size = context.size(_size(tree, "Camera"))
     fx, fy, cx, cy = (tree[f"{name}.{key}"].number() for key in ("fx", "fy", "cx", "cy"))
-    return Calibration(
-        camera=CameraKey(image_size=size, sub_camera=name if several else None),
-        intrinsics=CONVENTION.intrinsics(Native(fx=fx, fy=fy, cx=cx, cy=cy), size),
-        distortion=distortion,
-        grade=Grade.CALIBRATED,
-        provenance=context.provenance(tag=f"{name}.fx"),
+    return context.calibration(
+        CONVENTION.intrinsics(Native(fx=fx, fy=fy, cx=cx, cy=cy), size),
+        distortion,
+        name=name if several else None,
+        tag=f"{name}.fx",
         notes=tuple(_notes(name, tree)),
     )
 
@@ -110,13 +109,7 @@ def _side(name: str, tree: Node, context: ReadContext) -> Calibration:
     values = storage.numbers(tree[f"{name}.D"])
     if len(values) not in COUNTS:
         tree[f"{name}.D"].fail(f"{len(values)} coefficients, expected {', '.join(map(str, COUNTS))}")
-    return Calibration(
-        camera=CameraKey(image_size=size, sub_camera=name),
-        intrinsics=CONVENTION.intrinsics(native, size),
-        distortion=lens(values),
-        grade=Grade.CALIBRATED,
-        provenance=context.provenance(tag=f"{name}.K"),
-    )
+    return context.calibration(CONVENTION.intrinsics(native, size), lens(values), name=name, tag=f"{name}.K")
 
 
 def _size(tree: Node, name: str) -> ImageSize | None:

@@ -20,7 +20,7 @@ Sources: the DBAT toolbox' ``loadpm.m``; PhotoModeler help, "Lens distortion for
 
 from __future__ import annotations
 
-from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
+from calibrary.calibration import Calibration, ImageSize
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
@@ -98,14 +98,7 @@ def _agree(photo: Camera, project: Camera) -> bool:
 def _calibration(camera: Camera, size: ImageSize, context: ReadContext, *, name: str | None) -> Calibration:
     values = dict(zip(PARAMETERS, camera, strict=True))
     intrinsics, distortion = _photomodeler.optics(values, size, source=context.name)
-    return Calibration(
-        camera=CameraKey(image_size=size, sub_camera=name),
-        intrinsics=intrinsics,
-        distortion=distortion,
-        grade=Grade.CALIBRATED,
-        provenance=context.provenance(tag=name),
-        notes=(NOTE,),
-    )
+    return context.calibration(intrinsics, distortion, name=name, tag=name, notes=(NOTE,))
 
 
 FORMAT = Format(

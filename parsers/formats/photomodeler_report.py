@@ -31,7 +31,7 @@ import re
 
 from msgspec import Struct, field
 
-from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Quality
+from calibrary.calibration import Calibration, ImageSize, Quality
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
@@ -102,13 +102,14 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
         size = context.size(None)
         intrinsics, distortion = _photomodeler.optics(camera.values, size, source=context.name)
         found.append(
-            Calibration(
-                camera=CameraKey(image_size=size, sub_camera=camera.name if several else None),
-                intrinsics=intrinsics,
-                distortion=distortion,
-                grade=Grade.CALIBRATED,
+            context.calibration(
+                intrinsics,
+                distortion,
+                name=camera.name if several else None,
+                tag=camera.name or None,
+                date=report.date,
+                tool=report.tool,
                 quality=_quality(report, camera, size),
-                provenance=context.provenance(tag=camera.name or None, date=report.date, tool=report.tool),
             )
         )
     return found

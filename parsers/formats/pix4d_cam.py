@@ -26,7 +26,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from calibrary.calibration import Calibration, CameraKey, Grade
+from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion, required
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.image_size import ASPECT_TOLERANCE
@@ -74,12 +74,10 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     native = Native(fx=values["F"], fy=values["F"], cx=values["Px"], cy=values["Py"])
     K = CONVENTION.intrinsics(native, size, sensor_mm=square)
     return [
-        Calibration(
-            camera=CameraKey(image_size=size),
-            intrinsics=replace(K, fy=K.fx),
-            distortion=_distortion(values),
+        context.calibration(
+            replace(K, fy=K.fx),
+            _distortion(values),
             grade=Grade.ADJUSTED,
-            provenance=context.provenance(),
             extras=(sensor_extra(SENSOR, sensor),),
         )
     ]

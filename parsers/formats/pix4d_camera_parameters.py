@@ -24,7 +24,7 @@ from itertools import islice
 
 from msgspec import Struct
 
-from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Quality
+from calibrary.calibration import Calibration, Grade, ImageSize, Quality
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
@@ -81,13 +81,13 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
         raise ParseError("there is no image after the heading")
     several = len(images) > 1
     return [
-        Calibration(
-            camera=CameraKey(image_size=camera.size, sub_camera=names[0] if several else None),
-            intrinsics=CONVENTION.intrinsics(camera.native, context.size(camera.size)),
-            distortion=camera.distortion,
+        context.calibration(
+            CONVENTION.intrinsics(camera.native, context.size(camera.size)),
+            camera.distortion,
+            name=names[0] if several else None,
+            tag=names[0],
             grade=Grade.ADJUSTED,
             quality=Quality(views=len(names)),
-            provenance=context.provenance(tag=names[0]),
         )
         for camera, names in images.items()
     ]

@@ -20,7 +20,7 @@ import re
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrary.calibration import Calibration, CameraKey, Grade, Origin
+from calibrary.calibration import Calibration, Grade, Origin
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
@@ -77,13 +77,11 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     )
     assumed = () if context.option(ORIGIN.name) else ("u and v count from the centre of the top-left pixel",)
     return [
-        Calibration(
-            camera=CameraKey(image_size=size),
-            intrinsics=convention.intrinsics(native, size),
+        context.calibration(
+            convention.intrinsics(native, size),
+            None,
+            assumptions=(*assumed, "a bare matrix does not say how it came about; taken as derived"),
             grade=Grade.DERIVED,
-            provenance=context.provenance(
-                assumptions=(*assumed, "a bare matrix does not say how it came about; taken as derived")
-            ),
             notes=("K was decomposed from a projection matrix; the pose in it was left alone",),
         )
     ]

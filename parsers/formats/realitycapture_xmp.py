@@ -21,7 +21,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from calibrary.calibration import Calibration, CameraKey, Grade
+from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import BrownConrady, Distortion, MetashapeFrame, NoDistortion
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
@@ -94,15 +94,12 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
         fx=focal, fy=focal * aspect, cx=number("PrincipalPointU", 0.0), cy=number("PrincipalPointV", 0.0)
     )
     return [
-        Calibration(
-            camera=CameraKey(image_size=size),
-            intrinsics=CONVENTION.intrinsics(native, size),
-            distortion=distortion,
+        context.calibration(
+            CONVENTION.intrinsics(native, size),
+            distortion,
+            assumptions=(MIDDLE, *((SQUARE_PIXELS,) if aspect != 1 else ())),
+            tool=f"RealityCapture, XMP version {fields['Version']}" if fields.get("Version") else None,
             grade=Grade.ADJUSTED,
-            provenance=context.provenance(
-                assumptions=(MIDDLE, *((SQUARE_PIXELS,) if aspect != 1 else ())),
-                tool=f"RealityCapture, XMP version {fields['Version']}" if fields.get("Version") else None,
-            ),
             notes=(MIDDLE,),
             extras=tuple((PREFIX + name, fields[name]) for name in KEPT if name in fields),
         )

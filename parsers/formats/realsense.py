@@ -25,7 +25,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Sequence
 
-from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
+from calibrary.calibration import Calibration, ImageSize
 from calibrary.distortion import (
     BrownConrady,
     Distortion,
@@ -167,13 +167,8 @@ def _camera(
     tag: str | None,
     notes: tuple[str, ...],
 ) -> Calibration:
-    return Calibration(
-        camera=CameraKey(image_size=size, sub_camera=name),
-        intrinsics=CONVENTION.intrinsics(native, size),
-        distortion=distortion,
-        grade=Grade.CALIBRATED,
-        provenance=context.provenance(tag=tag),
-        notes=notes,
+    return context.calibration(
+        CONVENTION.intrinsics(native, size), distortion, name=name, tag=tag, notes=notes
     )
 
 

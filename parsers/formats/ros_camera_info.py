@@ -32,7 +32,7 @@ from collections.abc import Iterator, Sequence
 
 from msgspec import Struct
 
-from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics
+from calibrary.calibration import Calibration, Intrinsics
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion, Rational
 from calibrary.errors import UnsupportedModelError
 from calibrary.parsers import text as strict
@@ -106,12 +106,10 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
         notes.append(f"skew of {intrinsics.skew:g} px was kept; ROS's image_geometry does not look at it")
     notes += _partial_frame(tree)
     return [
-        Calibration(
-            camera=CameraKey(image_size=size),
-            intrinsics=intrinsics,
-            distortion=distortion,
-            grade=Grade.CALIBRATED,
-            provenance=context.provenance(assumptions=tuple(assumptions)),
+        context.calibration(
+            intrinsics,
+            distortion,
+            assumptions=tuple(assumptions),
             notes=tuple(notes),
             extras=tuple(_extras(tree, spelled, intrinsics, distortion)),
         )

@@ -40,7 +40,7 @@ from collections.abc import Iterator, Sequence
 
 from msgspec import Struct, field
 
-from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
+from calibrary.calibration import Calibration, ImageSize
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion, Rational
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
@@ -202,12 +202,11 @@ def _camera(section: Section, size: ImageSize, context: ReadContext, *, several:
             is_bound = label in {"rectification", "projection"}
             extras.append((PREFIX + label, bound(text, intrinsics, distortion) if is_bound else text))
     note = f"skew of {native.skew:g} px was kept; ROS's image_geometry does not look at it"
-    return Calibration(
-        camera=CameraKey(image_size=size, sub_camera=section.name if several else None),
-        intrinsics=intrinsics,
-        distortion=distortion,
-        grade=Grade.CALIBRATED,
-        provenance=context.provenance(tag=section.name),
+    return context.calibration(
+        intrinsics,
+        distortion,
+        name=section.name if several else None,
+        tag=section.name,
         notes=(note,) if native.skew else (),
         extras=tuple(extras),
     )

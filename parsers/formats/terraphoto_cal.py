@@ -23,7 +23,7 @@ Source: Terrasolid, "TerraPhoto User Guide", Camera calibration file format.
 
 from __future__ import annotations
 
-from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Origin
+from calibrary.calibration import Calibration, ImageSize, Origin
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
@@ -75,13 +75,10 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
         key for key, text in values.items() if key.startswith("LensA") and any(c in text for c in "123456789")
     ]
     return [
-        Calibration(
-            camera=CameraKey(image_size=size),
-            intrinsics=convention.intrinsics(native, size),
-            grade=Grade.CALIBRATED,
-            provenance=context.provenance(
-                assumptions=("the size of the plate is in pixels, so the principal point is too",)
-            ),
+        context.calibration(
+            convention.intrinsics(native, size),
+            None,
+            assumptions=("the size of the plate is in pixels, so the principal point is too",),
             notes=(UNCONVERTED.format(", ".join(lens)),) if lens else (),
             extras=tuple(
                 (PREFIX + ("unconverted/" if key.startswith("Lens") else "") + key, text)

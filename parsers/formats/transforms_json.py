@@ -24,7 +24,7 @@ from collections.abc import Mapping, Sequence, Set
 
 from msgspec import Struct
 
-from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Quality
+from calibrary.calibration import Calibration, Grade, ImageSize, Quality
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion, required
 from calibrary.errors import MissingTagError, ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
@@ -193,15 +193,16 @@ def _calibration(
     size = context.size(_size(numbers))
     native, assumptions = _native(numbers, size)
     name = (names[0] or None) if names else None
-    calibration = Calibration(
-        camera=CameraKey(image_size=size, sub_camera=name if several else None),
-        intrinsics=CONVENTION.intrinsics(native, size),
-        distortion=elsewhere
+    calibration = context.calibration(
+        CONVENTION.intrinsics(native, size),
+        elsewhere
         if elsewhere is not None and not set(LENS) & numbers.keys()
         else _lens(numbers, fisheye=fisheye),
+        name=name if several else None,
+        tag=name,
+        assumptions=assumptions,
         grade=Grade.ADJUSTED if "fl_x" in numbers else Grade.DESIGN,
         quality=Quality(views=len(names)) if names else None,
-        provenance=context.provenance(tag=name, assumptions=assumptions),
         notes=_contradiction(numbers, size),
     )
     return replace(calibration, extras=extras)

@@ -27,7 +27,7 @@ from collections.abc import Iterator
 
 from msgspec import Struct, field
 
-from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize
+from calibrary.calibration import Calibration, ImageSize
 from calibrary.distortion import Distortion, KannalaBrandt
 from calibrary.errors import InputError, ParseError
 from calibrary.parsers import text as strict
@@ -113,12 +113,11 @@ def _camera(
 ) -> Calibration:
     fx, fy, cx, cy = (_number(section, key) for key in ("fx", "fy", "cx", "cy"))
     lens_of = section if "k1" in section.values or shared is None else shared
-    return Calibration(
-        camera=CameraKey(image_size=size, sub_camera=section.name),
-        intrinsics=CONVENTION.intrinsics(Native(fx=fx, fy=fy, cx=cx, cy=cy), size),
-        distortion=_distortion(lens_of),
-        grade=Grade.CALIBRATED,
-        provenance=context.provenance(tag=section.name),
+    return context.calibration(
+        CONVENTION.intrinsics(Native(fx=fx, fy=fy, cx=cx, cy=cy), size),
+        _distortion(lens_of),
+        name=section.name,
+        tag=section.name,
         notes=notes,
     )
 

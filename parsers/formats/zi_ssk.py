@@ -29,7 +29,7 @@ import re
 
 from msgspec import Struct, field
 
-from calibrary.calibration import Calibration, CameraKey, Grade
+from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import NoDistortion
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
@@ -136,12 +136,12 @@ def _calibration(camera: _Camera, context: ReadContext, *, several: bool) -> Cal
     native = Native(fx=focal, fy=focal, cx=origin_column * pixel_across + x, cy=origin_row * pixel_down - y)
     sensor = (size[0] * pixel_across, size[1] * pixel_down)
     free = camera.text("lens_distortion_flag") == "off"
-    return Calibration(
-        camera=CameraKey(image_size=size, sub_camera=(camera.name or camera.place) if several else None),
-        intrinsics=CONVENTION.intrinsics(native, size, sensor_mm=sensor),
-        distortion=NoDistortion() if free else None,
+    return context.calibration(
+        CONVENTION.intrinsics(native, size, sensor_mm=sensor),
+        NoDistortion() if free else None,
+        name=(camera.name or camera.place) if several else None,
+        tag=camera.name or None,
         grade=Grade.ADJUSTED,
-        provenance=context.provenance(tag=camera.name or None),
         notes=(UNDISTORTED if free else LENS_LEFT,),
     )
 
