@@ -8,6 +8,7 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Iterator
@@ -18,8 +19,9 @@ from urllib.parse import urlsplit
 import pytest
 
 from calibrary.cli.main import main
+from calibrary.errors import RegistryError
 from calibrary.jobs.desk import desk
-from calibrary.jobs.desk.guard import Desk
+from calibrary.jobs.desk.guard import Desk, Guarded, Keys
 
 FORM = "application/x-www-form-urlencoded"
 RIGHT = "password=correct+horse+battery"
@@ -266,6 +268,18 @@ def test_a_registry_that_is_none_is_named(tmp_path: Path, capsys: pytest.Capture
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Ctrl-C is no signal there")
+def test_pages_that_cannot_be_loaded_leave_no_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+
+    def load(_: Keys, scratch: Path) -> Guarded:
+        assert scratch.parent == tmp_path
+        raise RegistryError("nothing to show")
+
+    with pytest.raises(RegistryError):
+        Desk(load, port=0, host=None, is_agreed=False, password_file=None)
+    assert [*tmp_path.iterdir()] == []
+
+
 def test_ctrl_c_ends_it_in_peace_and_leaves_nothing(fleet: Path, tmp_path: Path) -> None:
     scratch = tmp_path / "tmp"
     scratch.mkdir()

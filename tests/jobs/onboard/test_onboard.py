@@ -138,6 +138,8 @@ def test_a_digest_of_less_than_eight_digits_or_of_other_files_writes_nothing(
         assert (onboard(capsys, payload, *UNIT, "--digest", wrong)[0], branches(fleet)) == (code, ["main"])
     code, _, err = onboard(capsys, payload, *UNIT, "--digest", digest.upper(), "--dry-run")
     assert (code, "not those that were looked at" in err, branches(fleet)) == (0, False, ["main"])
+    seen = onboard(capsys, payload, *UNIT, "--digest", digest, "--operator", "somebody else")
+    assert (seen[0], branches(fleet)) == (1, ["main"])
     assert onboard(capsys, payload, *UNIT, "--digest", digest.upper())[0] == 0
     assert branches(fleet) == ["main", BRANCH]
 

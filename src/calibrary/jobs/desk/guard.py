@@ -164,7 +164,12 @@ class Desk:
         self.address: Final = f"http://{own[0]}{self._port}{start}"
         self._cookie = f"calibrary-desk-{self.port}"  # cookies do not tell ports apart
         self._scratch = _scratch()
-        self._pages = load(self._keys, self._scratch)
+        try:
+            self._pages = load(self._keys, self._scratch)
+        except BaseException:
+            self._socket.close()
+            shutil.rmtree(self._scratch, ignore_errors=True)
+            raise
         self._server = uvicorn.Server(
             uvicorn.Config(
                 self,

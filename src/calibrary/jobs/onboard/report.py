@@ -314,11 +314,7 @@ class OnboardReport(Record, tag_field="schema", tag="calibrary/onboard-1"):
 
         It leaves out K: of the same files a flight gives K anew each time, equal but for its last digits.
         """
-        decided = (
-            (one.camera, one.entry and (one.entry.id, one.entry.status_before), one.sources)
-            for one in self.cameras
-        )
-        return sha256(msgspec.json.encode([*decided])).hexdigest()
+        return sha256(msgspec.json.encode([*map(_decided, self.cameras)])).hexdigest()
 
     def is_as_seen(self, digest: str | None) -> bool:
         """Whether this is what was looked at, by the beginning of its digest; whatever it is if none is given."""
@@ -329,3 +325,11 @@ class OnboardReport(Record, tag_field="schema", tag="calibrary/onboard-1"):
         """The entries to write; none if a camera was refused."""
         proposed = (one.entry for one in self.cameras if one.decision is Decision.READY and self.is_good)
         return tuple(one.entry for one in proposed if one is not None and one.entry is not None)
+
+
+def _decided(one: CameraDecision) -> object:
+    """What a digest is of: the camera, its files, and of the entry what these and the day decide, but for K."""
+    if (entry := one.entry) is None:
+        return one.camera, None, one.sources
+    made = entry.calibration.provenance
+    return one.camera, (entry.id, entry.status_before, made.date, made.operator), one.sources
