@@ -25,7 +25,8 @@ def left_jacobian(vector: FloatArray) -> FloatArray:
     """
     angle, cross = float(np.linalg.norm(vector)), _cross(vector)
     first = 0.5 * np.sinc(angle / (2 * math.pi)) ** 2
-    second = (angle - math.sin(angle)) / angle**3 if angle > 1e-3 else 1 / 6 - angle**2 / 120
+    # The next term of the series, angle²/120, changes J by 1e-14 where the series takes over.
+    second = (angle - math.sin(angle)) / angle**3 if angle > 1e-3 else 1 / 6
     return np.asarray(np.eye(3) + first * cross + second * (cross @ cross))
 
 
