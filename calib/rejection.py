@@ -10,6 +10,7 @@ from msgspec import Struct
 from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calib.adjustment import Adjusted, adjust
 from calibrary.calib.network import LensT, Network, linearise
+from calibrary.quality import two_digits
 from calibrary.records import replace
 
 NORMAL_MAD: Final = 1.4826
@@ -108,4 +109,4 @@ def _without_views(adjusted: Adjusted, gate: Gate) -> BoolArray:
 
 def in_px(length: float) -> str:
     """Return a residual in words; one of a solve that went astray has any number of digits."""
-    return f"{length:.2f} px" if length < 1000 else f"{length:.2g} px"
+    return f"{length:.2f} px" if length < 1000 else f"{two_digits(length)} px"

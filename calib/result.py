@@ -19,6 +19,7 @@ from calibrary.calib.variance_factor import SplitHalf
 from calibrary.calib.verdict import BoardVerdict, Evidence, Limits, Uses, uses_of
 from calibrary.calibration import Calibration, SourceFile
 from calibrary.policy import FLEET, Policy
+from calibrary.quality import two_digits
 from calibrary.records import Meta, Record
 from calibrary.validation import Finding
 
@@ -149,7 +150,7 @@ class FlightNuisance(Record):
     @property
     def words(self) -> str:
         """What was found, and what it means for K, in one sentence."""
-        found = f"{self.name} {self.value:.3g} ± {self.std:.2g} {self.unit}"
+        found = f"{self.name} {self.value:.3g} ± {two_digits(self.std)} {self.unit}"
         if self.share > INSEPARABLE:
             return f"{found}: cannot be told apart from {self.trades_with}, whose σ includes it"
         if abs(self.value) > FOUND_SIGMAS * self.std and self.std < self.prior[1] / 2:

@@ -300,8 +300,8 @@ def _check(use: AskedUse, known: str, against: tuple[str, ...]) -> UseCheck:
 
 
 def _numbers(e: Evidence, policy: Policy, height_cm: float) -> str:
-    height = f"{height_cm:.2g} cm of height at {policy.flying_height_m:g} m (limit "
-    height += f"{100 * policy.flying_height_m * policy.fixed_sigma_focal:.2g} cm)"
+    height = f"{two_digits(height_cm)} cm of height at {policy.flying_height_m:g} m (limit "
+    height += f"{two_digits(100 * policy.flying_height_m * policy.fixed_sigma_focal)} cm)"
     proven = e.proven
     if proven is None:
         return f"σ over the frame is unknown, {height}"
@@ -310,9 +310,7 @@ def _numbers(e: Evidence, policy: Policy, height_cm: float) -> str:
     if proven.sigma_px is None:
         return f"no part of the {image} is proven to {policy.fixed_sigma_px:g} px, {height}"
     edge = f", {two_digits(proven.edge_px)} px at its edge" if proven.edge_px > policy.fixed_sigma_px else ""
-    return (
-        f"{proven.sigma_px:.2g} px within {proven.radius_px:.0f} px of the middle{edge} ({limit}), {height}"
-    )
+    return f"{two_digits(proven.sigma_px)} px within {proven.radius_px:.0f} px of the middle{edge} ({limit}), {height}"
 
 
 def _on_ground(proven: Proven | None, fx: float, policy: Policy) -> float | None:

@@ -272,8 +272,8 @@ def _departs(e: Evidence, policy: Policy) -> Iterator[Finding]:
             rule="lens-departs",
             severity=Severity.NOTE,
             measured=found.px,
-            message=f"the lens departs from its model by up to {found.px:.2g} px{where}; it is written as splines, "
-            f"which contain that to {max(found.splines_off_px, 1e-4):.1g} px",
+            message=f"the lens departs from its model by up to {two_digits(found.px)} px{where}; it is written as "
+            f"splines, which contain that to {max(found.splines_off_px, 1e-4):.1g} px",
         )
         return
     harms = not found.px <= limit
@@ -282,8 +282,8 @@ def _departs(e: Evidence, policy: Policy) -> Iterator[Finding]:
         severity=Severity.UNPROVEN if harms else Severity.NOTE,
         measured=found.px,
         limit=limit,
-        message=f"the lens departs from its model by up to {found.px:.2g} px{where}; the standard deviations there "
-        "contain it" + (f", and K is not kept fixed above {limit:g} px" if harms else ""),
+        message=f"the lens departs from its model by up to {two_digits(found.px)} px{where}; the standard deviations "
+        "there contain it" + (f", and K is not kept fixed above {limit:g} px" if harms else ""),
         remedy="let the lens be written as splines (--lens-model splined), or choose another model"
         if harms
         else None,

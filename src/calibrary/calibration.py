@@ -33,7 +33,7 @@ from calibrary.interop import colmap, opencv
 from calibrary.interop.notebook import html_table
 from calibrary.known_camera import CameraKey
 from calibrary.provenance import Grade, Provenance, SourceFile, facts
-from calibrary.quality import Covariance, Quality
+from calibrary.quality import Covariance, Quality, two_digits
 from calibrary.records import Json, Meta, Record, force_setattr, from_json, replace, to_json
 
 __all__ = [
@@ -354,7 +354,7 @@ class Calibration(Record):
         lens = self.distortion.shown if self.distortion is not None else {}
         rows += [(name, value, ".6g") for name, value in lens.items()]
         sigma = math.sqrt(quality.inflation)
-        spread = {name: f" ± {value * sigma:.2g}" for name, value in quality.std.items()}
+        spread = {name: f" ± {two_digits(value * sigma)}" for name, value in quality.std.items()}
         return html_table(
             str(self.camera),
             [

@@ -205,7 +205,11 @@ class Quality(Record):
 
 
 def two_digits(value: float) -> str:
-    """The value to two digits, and above 100 to the whole number; never as a power of ten."""
+    """Return the value to two digits, and above 100 to the whole number; never as a power of ten.
+
+    >>> two_digits(0.0467), two_digits(4.0), two_digits(372.3)
+    ('0.047', '4', '372')
+    """
     return f"{value:.2g}" if value < 99.5 else f"{value:.0f}"
 
 

@@ -10,6 +10,7 @@ from calibrary.cli.flags import add_flags, call
 from calibrary.cli.progress import Bar
 from calibrary.cli.tables import Column, fitted
 from calibrary.jobs.stamp import stamp
+from calibrary.quality import two_digits
 
 if TYPE_CHECKING:
     from calibrary.cli.console import Screen
@@ -69,7 +70,7 @@ def _show(screen: Screen, done: StampReport, out: str) -> None:
     made = [one for one in done.images if one.outcome == "stamped"]
     for used in dict.fromkeys((one.calibration, one.tags) for one in made):
         errors = [one.max_error_px or 0.0 for one in made if (one.calibration, one.tags) == used]
-        exact = f"up to {max(errors):.2g} px off" if max(errors) else "exact"
+        exact = f"up to {two_digits(max(errors))} px off" if max(errors) else "exact"
         screen.say(f"{plain(str(used[0]))} in {_counted(len(errors))}, {exact}: {plain(', '.join(used[1]))}")
     for note in dict.fromkeys(note for one in made for note in one.notes):
         screen.say(f"  [yellow]note[/]: {plain(note)}")

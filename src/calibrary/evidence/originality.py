@@ -557,7 +557,7 @@ PROGRAMS: Final = {
     r"faststone|digikam|corel|polarr|snapseed|vsco|instagram|whatsapp|google|imagemagick|graphicsmagick|"
     r"graphicconverter|pillow|opencv|ffmpeg|quicktime|vuescan|noise ninja|viewnx\w*|(?:image|zoom)browser|"
     r"camedia master|finepixviewer|shotwell|gthumb|krita|pixelmator|preview|thumbsplus|meitu|picsart|topaz|skylum|"
-    r"pixlr|canva|libvips|gd-jpeg",
+    r"pixlr|canva|libvips|gd-jpeg|acorn|skitch",
 }
 """What each program does, in the order in which they are searched for; a new program is a word here.
 
@@ -574,6 +574,8 @@ def program_in(text: str) -> Program | None:
 
     >>> program_in("Adobe Photoshop Lightroom Classic 12.0 (Windows)").does.name
     'DEVELOPS'
+    >>> program_in("Acorn version 4.5.5").does.name
+    'SAVES'
     >>> program_in("v01.09.1691")
     """
     return next((Program(text, does) for does, names in _ROWS if names.search(text)), None)

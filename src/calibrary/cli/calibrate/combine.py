@@ -11,6 +11,7 @@ from calibrary.cli.commands import add_json_flag, print_json
 from calibrary.cli.flags import add_flags, call
 from calibrary.cli.progress import Bar
 from calibrary.jobs.combine import combine
+from calibrary.quality import two_digits
 
 if TYPE_CHECKING:
     from calibrary.jobs.combine.report import CombinationReport
@@ -98,12 +99,12 @@ def _rows(report: CombinationReport) -> Iterator[tuple[str, ...]]:
     from calibrary.cli.console import plain
 
     for one in report.sources:
-        off = "–" if one.off_px is None else f"{one.off_px:.2g} ± {one.off_std_px or 0.0:.1g}"
+        off = "–" if one.off_px is None else f"{two_digits(one.off_px)} ± {one.off_std_px or 0.0:.1g}"
         yield (
             plain(one.label),
             one.date or "–",
             f"{one.fx:.2f}",
-            f"{one.fx_std:#.2g}" if one.fx_std is not None else "–",
+            two_digits(one.fx_std) if one.fx_std is not None else "–",
             off,
             f"{one.p:.2g}" if one.p is not None else "–",
         )

@@ -148,7 +148,7 @@ def parameters(calibration: Calibration, width: int) -> list[Text]:
         digits = 6 if std is None or std <= 0 else min(9, max(2, 2 - math.floor(math.log10(std))))
         if std is None and value == int(value):
             digits = 0
-        spread = ("–", "–") if std is None else (f"{std:#.2g}", f"{std * wider:#.2g}")
+        spread = ("–", "–") if std is None else (two_digits(std), two_digits(std * wider))
         rows.append((name, f"{value:.{digits}f}", *spread))
     return fitted(PARAMETERS, rows, width)
 
@@ -213,7 +213,9 @@ def _facts(report: CalibrateReport) -> Iterator[tuple[str, str]]:
     )
     proven = quality.proven if quality is not None else None
     if proven is not None:
-        within = f"{proven.sigma_px:.2g} px where it is proven, " if proven.sigma_px is not None else ""
+        within = (
+            f"{two_digits(proven.sigma_px)} px where it is proven, " if proven.sigma_px is not None else ""
+        )
         yield (
             "uncertainty",
             f"{within}at most {two_digits(proven.edge_px)} px anywhere in the "

@@ -12,6 +12,7 @@ from calibrary.cli.commands import add_json_flag, print_json
 from calibrary.cli.flags import add_flags, call
 from calibrary.cli.progress import Bar
 from calibrary.jobs.calibrate_rig import calibrate_rig
+from calibrary.quality import two_digits
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -112,7 +113,7 @@ def _cameras(report: RigReport, width: int) -> list[Text]:
         K, quality = one.calibration.intrinsics, one.calibration.quality or Quality()
         wider = math.sqrt(quality.inflation)
         values = [
-            f"{getattr(K, key):.2f} ± {quality.std.get(key, math.nan) * wider:.2g}"
+            f"{getattr(K, key):.2f} ± {two_digits(quality.std.get(key, math.nan) * wider)}"
             for key in ("fx", "cx", "cy")
         ]
         reasons = ", ".join(f.rule for f in one.findings if f.severity != "note")
@@ -147,7 +148,7 @@ def _pose(pose: RigPose, width: int) -> list[Text]:
 def _facts(report: RigReport) -> Iterator[tuple[str, str]]:
     for name, (near, far) in report.cross_std_px.items():
         sigmas = " and ".join(
-            f"{value:.2g} px {where}"
+            f"{two_digits(value)} px {where}"
             for value, where in ((near, "at the boards' distance"), (far, "far away"))
             if value
         )

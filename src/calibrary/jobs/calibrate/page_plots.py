@@ -33,6 +33,7 @@ from calibrary.pages.plots import (
     vector_field,
 )
 from calibrary.pages.plots.canvas import draw, frame_axes, number
+from calibrary.quality import two_digits
 from calibrary.sfm.tracks import upward
 
 if TYPE_CHECKING:
@@ -174,7 +175,7 @@ def trust_plots(report: CalibrateReport, observations: Observations) -> Iterator
                 size,
                 axis=Axis("σ of a direction", "px"),
                 caption="1 σ of the pixel in which a far point is seen, the variance factor included: "
-                f"{float(np.nanmin(std)):.2g} px at best, {float(np.nanmax(std)):.2g} px at the edge.",
+                f"{two_digits(float(np.nanmin(std)))} px at best, {two_digits(float(np.nanmax(std)))} px at the edge.",
             )
         )
     if report.half_difference_px is not None:
@@ -189,7 +190,7 @@ def trust_plots(report: CalibrateReport, observations: Observations) -> Iterator
                 size,
                 axis=Axis("difference", "px"),
                 caption=f"Difference of two calibrations, from one half of the {report.shots} each: RMS "
-                f"{np.sqrt(np.mean(lengths**2)):.2g} px, at most {lengths.max():.2g} px.",
+                f"{two_digits(float(np.sqrt(np.mean(lengths**2))))} px, at most {two_digits(float(lengths.max()))} px.",
             )
         )
     if plots:

@@ -30,6 +30,7 @@ from calibrary.pages.plots import Axis, bars
 from calibrary.pages.plots.canvas import draw
 from calibrary.parsers.rigs.micasense import relatives_of
 from calibrary.provenance import facts
+from calibrary.quality import two_digits
 from calibrary.validation import Severity
 
 if TYPE_CHECKING:
@@ -105,7 +106,7 @@ def _predicted(report: RigReport) -> Table:
 
 def _pose_row(report: RigReport, name: str) -> tuple[str, ...]:
     pose = report.poses[name]
-    spread = f" ± {pose.baseline_std_mm:.2g}" if pose.baseline_std_mm is not None else ""
+    spread = f" ± {two_digits(pose.baseline_std_mm)}" if pose.baseline_std_mm is not None else ""
     return (
         name,
         _triple(pose.rotation_deg, 4),
@@ -162,7 +163,9 @@ def _lenses(report: RigReport) -> Table:
         wider = math.sqrt(quality.inflation) if quality is not None else 1.0
         std = quality.std if quality is not None else {}
         values = [
-            f"{getattr(K, key):.2f} ± {std[key] * wider:.2g}" if key in std else f"{getattr(K, key):.2f}"
+            f"{getattr(K, key):.2f} ± {two_digits(std[key] * wider)}"
+            if key in std
+            else f"{getattr(K, key):.2f}"
             for key in ("fx", "fy", "cx", "cy")
         ]
         rms = quality.rms_px if quality is not None else None

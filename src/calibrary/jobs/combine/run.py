@@ -32,6 +32,7 @@ from calibrary.jobs.combine.sources import Source
 from calibrary.jobs.diff.common_numbers import common_numbers
 from calibrary.policy import FLEET
 from calibrary.provenance import HOW_MADE
+from calibrary.quality import two_digits
 from calibrary.records import replace
 from calibrary.sfm.assessment import flight_result
 from calibrary.sfm.combination import (
@@ -483,12 +484,12 @@ def _by(row: CombinedSource) -> str:
 
 
 def _px(between: Difference) -> str:
-    return f"{between.px:.2g} ± {between.std_px:.1g} px at the most"
+    return f"{two_digits(between.px)} ± {between.std_px:.1g} px at the most"
 
 
 def _source_list(rows: Sequence[CombinedSource]) -> str:
     return ", ".join(
-        f"{row.label} is {row.off_px:.2g} ± {row.off_std_px:.1g} px from the others"
+        f"{row.label} is {two_digits(row.off_px)} ± {row.off_std_px:.1g} px from the others"
         for row in rows
         if row.off_px is not None
     )

@@ -45,6 +45,7 @@ from calibrary.jobs.diff.numbers import Numbers
 from calibrary.jobs.diff.uncertainty import PRIORS, std_of
 from calibrary.jobs.diff.verdicts import Kind, Structural
 from calibrary.jobs.diff.wording import frame_size, listed, pixels
+from calibrary.quality import two_digits
 
 SAME_RATIO = 0.01
 """Relative tolerance between a ratio of focal lengths and a ratio of image sides, if both are exact."""
@@ -505,7 +506,7 @@ def _is_corrected(calibration: Calibration, bend_px: float, raw_px: float) -> bo
 
 
 def _left(bend_px: float) -> str:
-    return "no distortion" if bend_px < CORRECTED_PX else f"{bend_px:.2g} px of distortion"
+    return "no distortion" if bend_px < CORRECTED_PX else f"{two_digits(bend_px)} px of distortion"
 
 
 def _is_swapped(a: Calibration, b: Calibration, names: tuple[str, str]) -> bool:

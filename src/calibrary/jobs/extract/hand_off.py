@@ -48,6 +48,7 @@ from calibrary.parsers.discovery import format_named
 from calibrary.parsers.fit import DEFAULT_MAX_ERROR_PX, adapt, compare, refit
 from calibrary.parsers.format import FREE_LENS, UNKNOWN_LENS, Fidelity, Fit, in_words
 from calibrary.parsers.opensfm_models import opensfm_camera
+from calibrary.quality import two_digits
 from calibrary.records import encoded, replace
 
 OPENSFM_MODELS: Final = "camera_models_overrides.json"
@@ -187,7 +188,7 @@ class Nearest(Struct, frozen=True, kw_only=True):
         """What its user must know of the difference; None if there is none that matters."""
         if self.fit is None or self.fit.max_px <= DEFAULT_MAX_ERROR_PX:
             return None
-        by = f"by max {self.fit.max_px:.2g} px, rms {self.fit.rms_px:.2g} px"
+        by = f"by max {two_digits(self.fit.max_px)} px, rms {two_digits(self.fit.rms_px)} px"
         return f"its files represent this K and lens {by} off, with {self.fit.model}: nearer it has none"
 
     def allows(self, allowed: Allowed) -> Allowed:
@@ -195,7 +196,7 @@ class Nearest(Struct, frozen=True, kw_only=True):
         if allowed.use is not Use.FIXED or self.fit is None or self.fit.max_px <= FIXED_ERROR_PX:
             return allowed
         return replace(
-            allowed, use=Use.START, why=f"the program's lens model is off by {self.fit.max_px:.2g} px"
+            allowed, use=Use.START, why=f"the program's lens model is off by {two_digits(self.fit.max_px)} px"
         )
 
 

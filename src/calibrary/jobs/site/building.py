@@ -30,6 +30,7 @@ from calibrary.jobs.site.folder import INDEX, MARKER, Place, replaced, way
 from calibrary.pages import Badge, Cell, Column, Link, Note, Page, Section, Table, Tone, render_page
 from calibrary.pages.wording import count, stds_of
 from calibrary.policy import Policy
+from calibrary.quality import two_digits
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import parse_entry
@@ -430,7 +431,7 @@ def _row(card: Card, page: str, status: Status) -> tuple[Cell, ...]:
         Link(card.id, way(INDEX, page)),
         Badge(status.value, STATUSES[status]),
         f"{card.fx:.2f}" if card.fx is not None else "–",
-        f"{card.std_fx:.2g}" if card.std_fx is not None else "–",
+        two_digits(card.std_fx) if card.std_fx is not None else "–",
         card.label or "–",
         Badge(*card.verdict) if card.verdict is not None else "–",
         card.grade,

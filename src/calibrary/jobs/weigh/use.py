@@ -15,7 +15,7 @@ from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import NoDistortion
 from calibrary.errors import CalibrationError
 from calibrary.policy import Policy
-from calibrary.quality import Proven
+from calibrary.quality import Proven, two_digits
 from calibrary.records import Record
 
 MEASURED = frozenset({Grade.CALIBRATED, Grade.ADJUSTED})
@@ -118,7 +118,7 @@ def _by_sigma(calibration: Calibration, policy: Policy) -> Allowed:
         )
     sigma = float(np.nanmax(over_frame))
     holds = sigma <= policy.fixed_sigma_px and focal <= policy.fixed_sigma_focal
-    known = f"known to {sigma:.2g} px over the frame and {focal:.2%} of f"
+    known = f"known to {two_digits(sigma)} px over the frame and {focal:.2%} of f"
     limit = f"; to keep it fixed {policy.fixed_sigma_px:g} px and {policy.fixed_sigma_focal:.2%} are needed"
     return Allowed(
         use=Use.FIXED if holds else Use.START,
@@ -137,7 +137,7 @@ def _where_proven(proven: Proven, focal: float, policy: Policy) -> Allowed:
         and focal <= policy.fixed_sigma_focal
     )
     within = (
-        f"to {sigma:.2g} px within {proven.radius_px:.0f} px of the middle"
+        f"to {two_digits(sigma)} px within {proven.radius_px:.0f} px of the middle"
         if sigma is not None
         else "nowhere"
     )
