@@ -68,6 +68,7 @@ __all__ = [
 EMPTY_TREE = "4b825dc642cb6eb9a060e54bf8d69288fbee4904"
 UPDATE_NOTE = "calibrary-sync"
 OWN_INDEX = "calibrary-index"
+MOST_VERSIONS: Final = 50
 LONGEST_UPDATE_NOTE = 1000
 MOST_PATHSPECS = 200
 MOST_LOOKED_AT = 20
@@ -803,21 +804,37 @@ def _with_index(repo: Repository, *command: str, stdin: bytes | None = None) -> 
 
 
 def _enter_written(repo: Repository, old: str, new: str) -> None:
-    """Enter in the index those files that a killed writer has brought up to date, which git would take for edits."""
+    """Enter in the index those files that a killed writer has brought up to date, which git would take for edits.
+
+    Those that it left half are removed, so that git writes them again, and so are older versions: the git of a killed
+    writer may go on after the next one has begun. What is removed is in the repository.
+    """
     differing = repo.difference(None if old == EMPTY_TREE else old, new)
-    there = [(path, after) for path, _, after in differing if after and (repo.path / path).is_file()]
-    asked = "".join(f"{path}\n" for path, _ in there).encode("utf-8", "surrogateescape")
+    there = [one for one in differing if (repo.path / one[0]).is_file()]
+    asked = "".join(f"{path}\n" for path, _, _ in there).encode("utf-8", "surrogateescape")
     hashed = repo.run("hash-object", "--stdin-paths", stdin=asked).out.decode().split()
-    lines = [
-        f"{mode.decode()} {oid}\t{path}\n"
-        for (path, (mode, oid)), has in zip(there, hashed, strict=True)
-        if has == oid
-    ]
+    lines = []
+    for (path, before, after), has in zip(there, hashed, strict=True):
+        if after is not None and has == after[1]:
+            lines.append(f"{after[0].decode()} {has}\t{path}\n")
+        elif (before is None or has != before[1]) and _is_left_over(repo, path, has, (old, new)):
+            (repo.path / path).unlink()
     gone = [path for path, _, after in differing if not after and not os.path.lexists(repo.path / path)]
     lines += [f"0 {'0' * 40}\t{path}\n" for path in gone]
     if lines:
         text = "".join(lines).encode("utf-8", "surrogateescape")
         _with_index(repo, "update-index", "--index-info", stdin=text)
+
+
+def _is_left_over(repo: Repository, path: str, oid: str, commits: Sequence[str]) -> bool:
+    """Return whether a file is the beginning of one of its versions, or an earlier one of them."""
+    options = ("--raw", "--no-abbrev", "--no-renames", "--format=", f"--max-count={MOST_VERSIONS}")
+    real = [commit for commit in commits if commit != EMPTY_TREE]
+    if oid.encode() in repo.run("log", *options, *real, "--", path).out:
+        return True
+    data = (repo.path / path).read_bytes()
+    blobs = (repo.read(commit, path) for commit in real)
+    return any(blob is not None and blob.data.startswith(data) for blob in blobs)
 
 
 def finish_update(repo: Repository) -> None:

@@ -158,6 +158,19 @@ def test_files_left_behind_and_edited_since_are_not_overwritten_either(checked_o
     assert (checked_out.path / ENTRY).read_bytes() == b"by hand\n"
 
 
+@pytest.mark.parametrize("left", [b"", b"fx: ", b"fx: 0.5\n"], ids=["empty", "half", "of an older commit"])
+def test_a_file_that_a_killed_writer_or_its_git_left_half_or_older_is_written_again(
+    checked_out: Repository, left: bytes
+) -> None:
+    for data in (b"fx: 0.5\n", b"fx: 1.0\n"):
+        put(checked_out, {ENTRY: data})
+    killed_between_commit_and_files(checked_out)
+    (checked_out.path / ENTRY).write_bytes(left)
+    put(checked_out, {OTHER: b"next\n"})
+    assert (checked_out.path / ENTRY).read_bytes() == b"fx: 2.0\n"
+    assert git(checked_out.path, "status", "--porcelain") == ""
+
+
 def test_a_branch_that_another_work_tree_shows_is_written_there_only(
     checked_out: Repository, tmp_path: Path
 ) -> None:
