@@ -663,12 +663,19 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         return lock
 
     def write_site(
-        self, out: Folder = "site", *, workers: Workers = 0, progress: Progress | None = None
+        self,
+        out: Folder = "site",
+        *,
+        labels: Annotated[str, Meta(title="URL")] | None = None,
+        workers: Workers = 0,
+        progress: Progress | None = None,
     ) -> Site:
         """Write the registry as web pages into a folder.
 
         Args:
             out: a folder that is new, empty or an earlier site, which is replaced as a whole.
+            labels: URL at which the folder is served: also write labels.html, a sheet to print with a label for each
+                unit, whose QR code opens its page there.
             workers: number of processes that make the pages; 0 for one per processor.
             progress: called with (entries done, number of entries, "pages").
 
@@ -676,14 +683,23 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
             InputError: the folder contains other files.
             MissingExtraError: the libraries for pages are not installed.
         """
-        from calibrary.extras import PAGES, require
+        from calibrary.extras import LABELS, PAGES, require
 
         require(PAGES, "a site")
+        if labels is not None:
+            require(LABELS, "a sheet of labels")
         from calibrary.jobs.site.building import build
         from calibrary.jobs.site.folder import check_out
+        from calibrary.jobs.site.labels import check_address
 
         check_out(Path(out))
-        return build(self.folder, Path(out), workers=workers or None, progress=labelled(progress, "pages"))
+        return build(
+            self.folder,
+            Path(out),
+            labels=check_address(labels) if labels is not None else None,
+            workers=workers or None,
+            progress=labelled(progress, "pages"),
+        )
 
     def publish(
         self,

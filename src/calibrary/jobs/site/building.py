@@ -5,6 +5,7 @@ Its first page is the list of all cameras: a plain table, with a small script fo
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Sequence
 from functools import cache, partial
@@ -14,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from msgspec import Struct
 
+from calibrary.atomic import write_files
 from calibrary.errors import InputError, RegistryError
 from calibrary.jobs.diff.page import badge_of
 from calibrary.jobs.site.camera_page import (
@@ -27,6 +29,7 @@ from calibrary.jobs.site.camera_page import (
     steps,
 )
 from calibrary.jobs.site.folder import INDEX, MARKER, Place, replaced, way
+from calibrary.jobs.site.labels import LABELS, Label, sheet
 from calibrary.pages import Badge, Cell, Column, Link, Note, Page, Section, Table, Tone, render_page
 from calibrary.pages.wording import count, stds_of
 from calibrary.policy import Policy
@@ -36,10 +39,7 @@ from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.history import Revision, histories, history
 from calibrary.registry.history import EntryRevision, of_path
-from calibrary.registry.paths import (
-    id_of,
-    proposal_path,
-)
+from calibrary.registry.paths import UNIT, id_of, proposal_path, unit_folder
 from calibrary.registry.places import is_published
 from calibrary.registry.registry import Registry
 from calibrary.workers import mapped
@@ -68,12 +68,20 @@ class Site(Struct, frozen=True, kw_only=True):
     cards: tuple[Card, ...]
 
 
-def build(registry: Path, out: Path, *, workers: int | None = None, progress: Progress | None = None) -> Site:
+def build(
+    registry: Path,
+    out: Path,
+    *,
+    labels: str | None = None,
+    workers: int | None = None,
+    progress: Progress | None = None,
+) -> Site:
     """Build the site of a registry in a folder; an earlier site there is replaced as a whole.
 
     Args:
         registry: folder of the registry.
         out: a new or empty folder, or an earlier site.
+        labels: address at which the site is served: also make a sheet of labels of the units.
         workers: processes; by default one per processor.
         progress: called with the number of entries done and the total.
 
@@ -85,7 +93,28 @@ def build(registry: Path, out: Path, *, workers: int | None = None, progress: Pr
         site = build_into(
             folder, registry, published=is_published(str(out)), workers=workers, progress=progress
         )
+        if labels is not None:
+            write_files({folder / LABELS: sheet(_labels(site.cards), labels).encode()})
     return replace(site, root=out)
+
+
+def _labels(cards: Sequence[Card]) -> list[Label]:
+    """The label of each unit; of several entries in use, that of the largest image."""
+    units: dict[str, Card] = {}
+    for card in sorted(cards, key=lambda one: one.pixels):
+        unit = unit_folder(card.path)
+        if unit is not None and card.status is not None and card.status.is_usable:
+            units[unit] = card
+    return [
+        Label(
+            name=card.label or None,
+            camera=f"{card.make} {card.model}",
+            serial=unit.rpartition(f"/{UNIT}")[2].rstrip("/"),
+            entry=card.id,
+            page=card.page or "",
+        )
+        for unit, card in units.items()
+    ]
 
 
 def build_into(
@@ -297,6 +326,7 @@ def _card(
         label=entry.label or "",
         tags=" ".join(entry.tags),
         made_on=(calibration.provenance.date or "")[:10],
+        pixels=math.prod(calibration.intrinsics.image_size),
         fx=calibration.intrinsics.fx,
         std_fx=std.get("fx"),
         uncertainty="covariance"
@@ -338,6 +368,7 @@ class Card(Struct, frozen=True, kw_only=True):
         problem: why it cannot be read.
         make, model, grade, lens, firmware, made_on, label, tags: from the entry.
         status: None if the entry cannot be read.
+        pixels: number of those of an image.
         fx, std_fx: px.
         uncertainty: kind of uncertainty that it states.
         revisions: number of revisions.
@@ -358,6 +389,7 @@ class Card(Struct, frozen=True, kw_only=True):
     made_on: str = ""
     label: str = ""
     tags: str = ""
+    pixels: int = 0
     fx: float | None = None
     std_fx: float | None = None
     uncertainty: str = ""
