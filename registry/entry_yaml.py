@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Final, cast
@@ -19,6 +19,7 @@ from msgspec import Struct
 
 from calibrary.errors import InputError, ParseError, RegistryError
 from calibrary.records import Json, from_json, replace, to_json
+from calibrary.registry.comments import comments_in, in_order_of, with_comments
 from calibrary.registry.entry import Entry, digest, migrated
 from calibrary.strictjson import parse_json
 from calibrary.strictyaml import YamlScalar, YamlValue, line_of, load_yaml
@@ -82,13 +83,36 @@ LAYOUT: Final = Layout(
 )
 
 
-def entry_yaml(entry: Entry) -> bytes:
+def entry_yaml(entry: Entry, formers: Sequence[bytes] = (), without: Collection[str] = ()) -> bytes:
     """Return the file of an entry; the bytes are deterministic and restore the entry exactly.
+
+    Args:
+        entry: the entry.
+        formers: files that it takes the place of: comments of all of them and the order of the first one stay.
+        without: comments to leave out, as text.
 
     Raises:
         InputError: a text contains a lone surrogate, a number is not finite, or an extension is nested too deeply.
     """
-    return (LEGEND + "\n".join(document_lines(to_json(entry), LAYOUT)) + "\n").encode()
+    document = to_json(entry)
+    plain = _file(document)
+    formers = [one for one in formers if one != plain]
+    if not formers:
+        return plain
+    try:
+        ordered = in_order_of(document, load_yaml(formers[0], source="", max_depth=DEEPEST))
+    except InputError:
+        ordered = document
+    data = with_comments(_file(ordered), formers, {*LEGEND.splitlines(), *without})
+    # A comment may make a file too large to be one.
+    try:
+        return data if parse_entry(data, "") == entry else plain
+    except InputError:
+        return plain
+
+
+def _file(document: Mapping[str, Json]) -> bytes:
+    return (LEGEND + "\n".join(document_lines(document, LAYOUT)) + "\n").encode()
 
 
 def entry_file(path: Path) -> bytes | None:
@@ -293,8 +317,8 @@ def parsed(data: bytes, path: str, *, require_digest: bool = True) -> Entry:
 def combined(path: str, base: bytes, ours: bytes, theirs: bytes) -> bytes | None:
     """Return one entry of two changes of it; None if they contradict.
 
-    Labels, tags and notes are combined, because no approval covers them. All else is of one side, so that no K is mixed
-    from two, and what was approved stays what was approved.
+    Labels, tags, notes and comments are combined, because no approval covers them. All else is of one side, so that no
+    K is mixed from two, and what was approved stays what was approved.
     """
     try:
         old, mine, other = (parsed(data, path) for data in (base, ours, theirs))
@@ -309,14 +333,14 @@ def combined(path: str, base: bytes, ours: bytes, theirs: bytes) -> bytes | None
         return None
     result = mine if my_rest != old_rest else other
     gone = {*old.tags} - ({*mine.tags} & {*other.tags})
-    return entry_yaml(
-        replace(
-            result,
-            label=labels.pop() if labels else old.label,
-            tags=tuple(({*mine.tags} | {*other.tags}) - gone),
-            calibration=replace(result.calibration, notes=notes.pop() if notes else old.notes),
-        )
+    entry = replace(
+        result,
+        label=labels.pop() if labels else old.label,
+        tags=tuple(({*mine.tags} | {*other.tags}) - gone),
+        calibration=replace(result.calibration, notes=notes.pop() if notes else old.notes),
     )
+    removed = comments_in(base) - (comments_in(ours) & comments_in(theirs))
+    return entry_yaml(entry, (ours, theirs), removed)
 
 
 def _without_free(entry: Entry) -> Entry:

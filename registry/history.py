@@ -40,7 +40,7 @@ __all__ = [
     "recorded",
 ]
 
-DIGEST: Final = re.compile(rb"^digest: (.+?)\s*$", re.MULTILINE)
+DIGEST: Final = re.compile(rb"^digest: (\S+)", re.MULTILINE)
 
 
 class EntryRevision(Struct, frozen=True, kw_only=True):

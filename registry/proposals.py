@@ -18,6 +18,7 @@ from calibrary.errors import InputError, RegistryError
 from calibrary.known_camera import match_key
 from calibrary.provenance import HOW_MADE
 from calibrary.records import Record, replace
+from calibrary.registry.comments import comments_in
 from calibrary.registry.configuration import TO_MIGRATE
 from calibrary.registry.entry import VERDICT_BLOCK, Entry, Status, Validity, digest
 from calibrary.registry.entry_checks import Judge, check, in_order
@@ -184,6 +185,7 @@ class Proposal(Struct, frozen=True, kw_only=True):
         approves: blob id of the proposal that is approved; None if there is none.
         start: first day of a retirement of the days from then on; its file stays as it is.
         brought: files of statements on the branch that an approval is from.
+        formers: files that it takes the place of, whose comments and order of fields stay.
         replaced: path and blob id of files removed by the same commit: the approved proposal, or a draft that an older
             version wrote to ``cameras/``.
     """
@@ -199,6 +201,7 @@ class Proposal(Struct, frozen=True, kw_only=True):
     approves: str | None = None
     start: date | None = None
     brought: tuple[Change, ...] = ()
+    formers: tuple[bytes, ...] = ()
 
     @property
     def is_new(self) -> bool:
@@ -470,7 +473,12 @@ MOST_UNITS: Final = 8
 
 
 def propose(
-    snapshot: Snapshot, entries: Sequence[Entry], terms: Terms = FREELY, *, edited: bool = False
+    snapshot: Snapshot,
+    entries: Sequence[Entry],
+    terms: Terms = FREELY,
+    *,
+    edited: bool = False,
+    written: bytes | None = None,
 ) -> Proposals:
     """Propose entries, with their changes and findings; nothing is written.
 
@@ -479,6 +487,7 @@ def propose(
         entries: entries as stated by their source and the user; their status is set here.
         terms: whether they are approved at once, why, and what is overridden.
         edited: whether they are current entries edited by a person.
+        written: file of the one entry, whose comments are taken.
 
     Raises:
         InputError: two of the entries have the same path.
@@ -500,9 +509,8 @@ def propose(
             if known is not None:
                 stated = _with_current(stated, known, edited=edited)
         stated = replace(stated, label=stated.label or snapshot.label_of(stated.unit))
-        items.append(
-            _proposal(stated, here, Status.APPROVED if terms.approve else Status.DRAFT, terms.reason)
-        )
+        one = _proposal(stated, here, Status.APPROVED if terms.approve else Status.DRAFT, terms.reason)
+        items.append(replace(one, formers=(written,) if written is not None else ()))
     return checked(snapshot, items)
 
 
@@ -515,6 +523,7 @@ def checked(
     errors of other entries are left to ``calibrary registry check``; with ``only_new``, earlier errors of these
     entries as well: an error in K does not prevent setting a label.
     """
+    items = [_as_people_wrote(snapshot, one) for one in items]
     due = [one for one in items if one.changes]
     if not due:
         return Proposals(items=tuple(items), verb=verb)
@@ -533,6 +542,24 @@ def checked(
         finding for finding in found if finding not in known or (finding.place in own and not only_new)
     )
     return Proposals(items=tuple(items), findings=findings, verb=verb)
+
+
+def _as_people_wrote(snapshot: Snapshot, one: Proposal) -> Proposal:
+    """Return a proposal with the comments and the order of fields of the files that its own takes the place of."""
+    if not one.changes or one.data is None or one.start is not None or snapshot.repo is None:
+        return one
+    beside = (*(oid for _, oid in one.replaced), snapshot.paths.get(one.entry.path))
+    oids = [oid for oid in (one.approves, one.base) if oid is not None] or beside
+    found = []
+    for oid in oids:
+        # What cannot be read has no comments either.
+        with suppress(RegistryError):
+            found += [snapshot.repo.blob(oid)] if oid is not None else []
+    formers = tuple(dict.fromkeys((*one.formers, *found)))
+    data = entry_yaml(one.entry, formers)
+    lost = sorted(frozenset().union(*map(comments_in, formers)) - comments_in(data))
+    said = (f"its file cannot keep {len(lost)} comments: {lost[0]:.60}",) if lost else ()
+    return replace(one, formers=formers, data=data, warnings=tuple(dict.fromkeys((*one.warnings, *said))))
 
 
 def judged(snapshot: Snapshot, proposals: Proposals, judge: Judge, override: str | None = None) -> Proposals:
@@ -560,7 +587,7 @@ def judged(snapshot: Snapshot, proposals: Proposals, judge: Judge, override: str
         if override is not None and any(finding.severity is Severity.ERROR for finding in said):
             entry = replace(entry, override=override)
             changes = differences(one.current, entry)
-            items[one.path] = replace(one, entry=entry, data=entry_yaml(entry), changes=changes)
+            items[one.path] = replace(one, entry=entry, data=entry_yaml(entry, one.formers), changes=changes)
             said = [*judge(one.path, entry, group, one.current, policy)]
         found += said
     return replace(proposals, items=tuple(items.values()), findings=in_order([*proposals.findings, *found]))

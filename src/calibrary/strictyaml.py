@@ -29,10 +29,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import Final, TypeAlias
 
 import yaml
+from msgspec import Struct
 from yaml.events import (
     AliasEvent,
     CollectionEndEvent,
@@ -120,6 +121,38 @@ def line_of(data: bytes | str, path: Sequence[str | int]) -> int | None:
             break
         node = child
     return _line(node)
+
+
+class Place(Struct, frozen=True):
+    """Where a value of a document stands.
+
+    Attributes:
+        path: keys and positions that lead to it.
+        start: offset of its key, or of the item of a list.
+        texts: beginning and end of its key's and its own text, if it is a scalar.
+    """
+
+    path: tuple[str | int, ...]
+    start: int
+    texts: tuple[tuple[int, int], ...]
+
+
+def places_in(text: str) -> list[Place]:
+    """Return the places of all members and items of a document that :func:`load_yaml` accepts, in their order."""
+    return [*_places(yaml.compose(text, Loader=_LOADER), ())]
+
+
+def _places(node: yaml.Node | None, path: tuple[str | int, ...]) -> Iterator[Place]:
+    members: list[tuple[yaml.Node | None, str | int, yaml.Node]] = []
+    if isinstance(node, yaml.MappingNode):
+        members = [(key, key.value, value) for key, value in node.value]
+    elif isinstance(node, yaml.SequenceNode):
+        members = [(None, at, value) for at, value in enumerate(node.value)]
+    for key, step, value in members:
+        scalars = [one for one in (key, value) if isinstance(one, yaml.ScalarNode)]
+        texts = tuple((one.start_mark.index, one.end_mark.index) for one in scalars)
+        yield Place((*path, step), (key or value).start_mark.index, texts)
+        yield from _places(value, (*path, step))
 
 
 class _Reader:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.writing import Written
 from calibrary.registry.places import default_place
 from calibrary.registry.proposals import write_changes
+from calibrary.registry.registry import Registry
 from tests.cli.registry.fleets import CAMERA, P4R, add, commit_of, held, looked_at, printed, run, xml
 from tests.registry.entries import an_entry
 from tests.registry.git.repositories import git
@@ -228,3 +230,32 @@ def test_the_first_entry_of_a_user_begins_a_registry_of_his_own(
 def test_a_folder_is_no_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(capsys, "add", tmp_path, *CAMERA, "--yes")[0] == 3
     assert run(capsys, "add", tmp_path / "none.xml", *CAMERA, "--yes")[0] == 3
+
+
+def test_what_a_person_wrote_into_the_file_of_an_entry_stays_over_every_command(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    add(xml(tmp_path / "a.xml"), "--approve", "--yes")
+    file = fleet / held(fleet).path
+    text = file.read_text()
+    grade = re.search("^grade: .*\n", text, re.MULTILINE)
+    assert grade is not None
+    text = text.replace(grade[0], "").replace("camera:\n", f"{grade[0]}camera:  # Ada's\n  # of 2026\n")
+    file.write_text(text)
+    git(fleet, "commit", "-qam", "Comment")
+    commands: tuple[tuple[str, ...], ...] = (
+        ("set", P4R, "+survey", "--yes"),
+        ("add", str(xml(tmp_path / "b.xml", 3661.5)), "--make", "DJI", "--model", "FC6310R", "--yes"),
+        ("approve", P4R, "--digest", "", "--reason", "new board"),
+        ("hold", P4R, "--reason", "agreed"),
+        ("retire", P4R, "--reason", "lens cracked"),
+    )
+    for words in commands:
+        seen = [str(oid)[:12] for oid in Registry.open(fleet).snapshot().proposed.values()]
+        code, _, err = run(capsys, *(word or seen[0] for word in words))
+        assert code == 0, err
+        lines = file.read_text().splitlines()
+        at = lines.index("camera:  # Ada's")
+        assert (lines[at - 1][:5], lines[at + 1]) == ("grade", "  # of 2026")
+    assert held(fleet).entry.status is Status.RETIRED
+    assert held(fleet).entry.calibration.intrinsics.fx == 3661.5

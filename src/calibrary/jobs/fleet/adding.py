@@ -109,6 +109,7 @@ def add_file(registry: Registry, path: Path, said: Said) -> Proposals:
         [entry for entry, _ in found],
         said.terms,
         edited=data is not None and b"\ndigest:" not in data,
+        written=data,
     )
     items = [
         replace(one, warnings=(*warnings, *one.warnings)) if warnings else one
