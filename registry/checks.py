@@ -53,21 +53,6 @@ from calibrary.registry.statements import subject_of
 from calibrary.validation import Finding, Severity
 from calibrary.version import __version__
 
-__all__ = [
-    "FOLDERS",
-    "CheckDocument",
-    "EntryFiles",
-    "Progress",
-    "check_all",
-    "check_range",
-    "check_signatures",
-    "check_work_tree",
-    "completed",
-    "of_statements",
-    "parse_range",
-    "readable_entries",
-]
-
 
 class CheckDocument(Record, tag_field="schema", tag="calibrary/registry-check-1"):
     """Output of ``calibrary registry check --json``.

@@ -18,8 +18,6 @@ from calibrary.errors import ParseError
 from calibrary.records import Json
 from calibrary.strictyaml import Place, YamlValue, load_yaml, places_in
 
-__all__ = ["comments_in", "in_order_of", "with_comments"]
-
 _COMMENT: Final = re.compile(r"^[ \t]*$|(?<!\S)#[^\n]*", re.MULTILINE)
 _BREAK: Final = re.compile("\r\n?|[\x85\u2028\u2029]")
 

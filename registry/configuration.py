@@ -19,20 +19,6 @@ from calibrary.registry.places import CONFIGURATION_FILE
 from calibrary.registry.sshsig import KEY, fingerprint, key_blob
 from calibrary.strictyaml import YamlValue, line_of, load_yaml
 
-__all__ = [
-    "LAYOUT",
-    "STATED",
-    "TO_MIGRATE",
-    "ApprovalRule",
-    "Configuration",
-    "Keyholder",
-    "Repeat",
-    "RuleSet",
-    "configuration_at",
-    "configuration_yaml",
-    "parse_configuration",
-]
-
 LAYOUT: Final = 2
 """Version of the layout: 1 has ``cameras/<make>/<model>/[sn-<hash>/]<variant>.yaml``, 2 also ``statements/``."""
 

@@ -22,8 +22,6 @@ from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.paths import folder_of, proposal_path
 from calibrary.registry.snapshot import Snapshot, StoredEntry
 
-__all__ = ["EVIDENCE", "Contribution", "contribute", "general_entry"]
-
 EVIDENCE: Final = "x-evidence"
 MEASURED: Final = frozenset({Grade.CALIBRATED, Grade.ADJUSTED})
 SUFFIX: Final = re.compile(r"[.][a-z0-9]{1,8}")

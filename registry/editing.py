@@ -24,8 +24,6 @@ from calibrary.registry.proposals import FREELY, Proposals, RowProblem, checked,
 from calibrary.registry.snapshot import Snapshot, StoredEntry
 from calibrary.registry.spreadsheet import csv_text, read_sheet, same_number
 
-__all__ = ["EDITABLE", "Assignment", "edit", "edit_by_table", "edit_keys", "parse_assignment", "units_csv"]
-
 OPERATORS: Final = ("+=", "-=", "=")
 EDITABLE: Final[Mapping[str, tuple[str, ...]]] = {
     "label": ("=",),

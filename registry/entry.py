@@ -34,29 +34,6 @@ from calibrary.registry.paths import id_of, path_of, unit_folder
 from calibrary.rig import RigMember
 from calibrary.strictyaml import YamlValue
 
-__all__ = [
-    "BLOCKS_WITH_EXTENSIONS",
-    "CURRENT",
-    "MIGRATIONS",
-    "PARAMETERS",
-    "UNSTATED",
-    "USABLE",
-    "USUAL_TOLERANCE",
-    "VERDICT_BLOCK",
-    "Alias",
-    "Entry",
-    "EntryFields",
-    "Seal",
-    "Sensor",
-    "Status",
-    "Validity",
-    "digest",
-    "migrated",
-    "noted",
-    "seal",
-    "sealed",
-]
-
 UNSTATED: Final = Provenance(kind="unstated")
 """Provenance of an entry with a file that states none."""
 

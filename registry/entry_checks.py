@@ -39,8 +39,6 @@ from calibrary.registry.paths import (
 from calibrary.registry.resolution import matching_path
 from calibrary.validation import Finding, Severity, validate
 
-__all__ = ["RULES", "Checked", "Judge", "check", "check_order", "finding_of", "in_order"]
-
 
 def in_order(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     """Return findings by path."""

@@ -24,21 +24,6 @@ from calibrary.registry.entry import Entry, digest, migrated
 from calibrary.strictjson import parse_json
 from calibrary.strictyaml import YamlScalar, YamlValue, line_of, load_yaml
 
-__all__ = [
-    "LARGEST_ENTRY",
-    "Layout",
-    "block",
-    "combined",
-    "document_lines",
-    "entry_file",
-    "entry_yaml",
-    "number",
-    "parse_entry",
-    "parsed",
-    "quoted",
-    "scalar",
-]
-
 LARGEST_ENTRY: Final = 256 << 10
 ENTRY_MARK: Final = re.compile(rb"^schema:[ ]*\"?calibrary/entry-\d", re.MULTILINE)
 """Bytes; an entry has about 2000."""

@@ -20,21 +20,6 @@ from calibrary.records.schema import schema
 from calibrary.registry.entry import PARAMETERS, Entry
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
 
-__all__ = [
-    "NOT_SHOWN",
-    "Field",
-    "FieldChange",
-    "Row",
-    "Value",
-    "differences",
-    "entry_fields",
-    "entry_row",
-    "entry_rows",
-    "entry_text",
-    "known_fields",
-    "std_of",
-]
-
 Field: TypeAlias = str | int | float | bool | None
 Value: TypeAlias = bool | int | float | str | tuple[str, ...]
 Row: TypeAlias = Mapping[str, Value]

@@ -10,8 +10,6 @@ from calibrary.errors import InputError
 from calibrary.known_camera import match_key
 from calibrary.records import Meta, Record
 
-__all__ = ["FirmwareRange", "begins_with", "compare"]
-
 _VERSION = re.compile(r"(.*?)(\d{1,18}(?:\.\d{1,18})*)", re.DOTALL)
 _WORDS = re.compile(r"\b(?:firmware|version|ver|v)\b[ .]*")
 

@@ -24,22 +24,6 @@ from calibrary.registry.index import index_at
 from calibrary.registry.paths import ROOT, SUFFIX, proposal_path
 from calibrary.registry.snapshot import ListedEntry, Snapshot, StoredEntry
 
-__all__ = [
-    "Approval",
-    "BlameReport",
-    "EntryRevision",
-    "LogReport",
-    "Recorded",
-    "ShownEntry",
-    "approvals_of",
-    "blame",
-    "history",
-    "log_report",
-    "of_path",
-    "origin",
-    "recorded",
-]
-
 DIGEST: Final = re.compile(rb"^digest: (\S+)", re.MULTILINE)
 
 

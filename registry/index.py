@@ -46,25 +46,6 @@ from calibrary.registry.standing import Standing
 from calibrary.registry.statements import RULES, parse_statement
 from calibrary.strictyaml import load_yaml
 
-__all__ = [
-    "ALIAS",
-    "BLOCKS",
-    "ENTRIES",
-    "IRREGULAR",
-    "LABEL",
-    "NAMED",
-    "SUPERSEDES",
-    "Index",
-    "IndexFile",
-    "Mention",
-    "Overlay",
-    "alias_folder",
-    "index_at",
-    "label_in",
-    "parsed_or_error",
-    "stated_names",
-]
-
 Mention: TypeAlias = tuple[str, str, str, str]
 """Path of the entry, kind of the name, the name itself, and additional data."""
 SqlRow: TypeAlias = tuple[str, ...]

@@ -30,24 +30,6 @@ from calibrary.registry.registry import Registry
 from calibrary.registry.stating import founded
 from calibrary.version import __version__
 
-__all__ = [
-    "CONTRIBUTING",
-    "DRIVER",
-    "DRIVER_COMMAND",
-    "LICENSE",
-    "NOTICE",
-    "WORKFLOW",
-    "InitReport",
-    "example_entry",
-    "folder_for",
-    "init",
-    "init_from",
-    "migrate",
-    "scaffold",
-    "show_fields",
-    "starter_files",
-]
-
 REQUIREMENT: Final = f"=={__version__}"
 """Version that created this registry: checks must not change with an unreviewed release."""
 

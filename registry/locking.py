@@ -25,23 +25,6 @@ from calibrary.registry.resolution import Earlier, RegistryIndex
 from calibrary.registry.snapshot import Snapshot, StoredEntry
 from calibrary.strictyaml import line_of, load_yaml
 
-__all__ = [
-    "LOCK_FILE",
-    "Drift",
-    "Lock",
-    "Locked",
-    "Pin",
-    "lock_yaml",
-    "locked",
-    "parse_lock",
-    "pin_of",
-    "pinned",
-    "read_lock",
-    "refuse_drift",
-    "usable_paths",
-    "verify",
-]
-
 MOST_LISTED = 3
 
 

@@ -24,32 +24,6 @@ from calibrary.known_camera import HEX_DIGITS, SERIAL_HASH_DIGITS, CameraKey, ha
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.git.program import is_safe_name
 
-__all__ = [
-    "CAMERAS",
-    "DOCUMENT",
-    "PROPOSALS",
-    "PROPOSED",
-    "ROOT",
-    "STATEMENTS",
-    "SUFFIX",
-    "check_path",
-    "find_path",
-    "find_paths",
-    "folder_of",
-    "id_of",
-    "in_use_path",
-    "is_entry",
-    "is_proposal",
-    "model_folder",
-    "path_of",
-    "proposal_path",
-    "scripts",
-    "single_match",
-    "slug",
-    "unit_folder",
-    "unit_paths",
-]
-
 DOCUMENT: Final = "DISTORTION.md"
 """File at the root of a registry that describes the distortion models."""
 LONGEST_SLUG: Final = 48

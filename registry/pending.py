@@ -15,8 +15,6 @@ from calibrary.registry.git.repository import Repository
 from calibrary.registry.paths import CAMERAS, PROPOSALS, PROPOSED, id_of, is_entry, is_proposal
 from calibrary.registry.snapshot import Snapshot
 
-__all__ = ["Pending", "pending"]
-
 
 class Pending(Struct, frozen=True, kw_only=True):
     """A calibration that waits for approval, or that could not be read.

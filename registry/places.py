@@ -12,17 +12,6 @@ from typing import Final
 from calibrary.arguments import Place
 from calibrary.errors import RegistryError, UsageError
 
-__all__ = [
-    "CONFIGURATION_FILE",
-    "FOLDER",
-    "PUBLISHED_FILE",
-    "default_place",
-    "is_published",
-    "one_registry",
-    "plain_folder",
-    "registries",
-]
-
 CONFIGURATION_FILE: Final = "registry.yaml"
 """File name at the root of a registry."""
 ADDRESS: Final = re.compile(r"file:|[a-z][a-z0-9+.-]+://", re.IGNORECASE)

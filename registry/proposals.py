@@ -45,33 +45,6 @@ from calibrary.registry.statements import Action
 from calibrary.registry.stating import Act, Stated, brought, stated
 from calibrary.validation import Finding, Severity
 
-__all__ = [
-    "FREELY",
-    "SHORT_DIGEST",
-    "AddedSource",
-    "ChangeReport",
-    "ChangedEntry",
-    "CurrentFiles",
-    "Fate",
-    "Note",
-    "Proposal",
-    "Proposals",
-    "RowProblem",
-    "change_report",
-    "checked",
-    "differs_in_status_only",
-    "judged",
-    "needs_no_approval",
-    "note_of",
-    "proposal_of",
-    "propose",
-    "propose_status",
-    "require_digests",
-    "require_not_held",
-    "save",
-    "write_changes",
-]
-
 
 class Note(Struct, frozen=True, kw_only=True):
     """Content of the commit message of a change.

@@ -40,18 +40,6 @@ from calibrary.registry.paths import (
 )
 from calibrary.registry.snapshot import ListedEntries, Snapshot, StoredEntry, unapproved
 
-__all__ = [
-    "SHORT_NAMES",
-    "Condition",
-    "EntryListing",
-    "Selection",
-    "find_field",
-    "listed",
-    "parse_where",
-    "select",
-    "short_ids",
-]
-
 SHORT_NAMES: Final[Mapping[str, str]] = {
     **{name: f"camera.{name}" for name in ("make", "model", "sub_camera", "lens", "serial")},
     **{name: f"intrinsics.{name}" for name in ("fx", "fy", "cx", "cy", "skew")},

@@ -21,8 +21,6 @@ from calibrary.registry.paths import CAMERAS, PROPOSALS, PROPOSED, ROOT, check_p
 from calibrary.registry.places import CONFIGURATION_FILE, FOLDER, plain_folder
 from calibrary.registry.snapshot import Snapshot, StoredEntry, read_entry_file, require_own_path
 
-__all__ = ["Registry", "open_snapshot", "uncommitted"]
-
 KEPT_SNAPSHOTS: Final = 4
 PATCHED_FROM: Final = 1000
 """Number of entries above which a new state is derived from the last one instead of being listed."""

@@ -26,23 +26,6 @@ from calibrary.registry.entry import USABLE, Entry, Status, noted
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.paths import ROOT, SUFFIX, folder_of, is_entry, is_proposal, proposal_path, slug
 
-__all__ = [
-    "FOCAL_TOLERANCE",
-    "ONLY_PROPOSED",
-    "AliasMap",
-    "Earlier",
-    "EntryMatch",
-    "RegistryIndex",
-    "RejectedEntry",
-    "Resolution",
-    "is_keyed",
-    "match_entry",
-    "matching_path",
-    "near",
-    "resolve",
-    "scan_aliases",
-]
-
 Earlier: TypeAlias = Callable[[str], Iterable[tuple[str, Entry]]]
 """Returns (commit, entry) for an entry's earlier usable revisions, newest first, given its path."""
 AliasMap: TypeAlias = Mapping[tuple[str, str], frozenset[str]]

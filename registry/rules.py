@@ -10,8 +10,6 @@ from calibrary.registry.registry import Registry
 from calibrary.registry.sshsig import fingerprint, key_blob
 from calibrary.registry.stating import state_rules
 
-__all__ = ["approve_rules", "rules_text", "stated_rules"]
-
 
 def stated_rules(registry: Registry) -> tuple[RuleSet, str]:
     """Return what the committed ``registry.yaml`` asks for, and git's id of the file.

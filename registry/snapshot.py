@@ -50,20 +50,6 @@ from calibrary.registry.resolution import RegistryIndex, Resolution, is_keyed
 from calibrary.registry.standing import Book, Standing, label_subject, standing_of
 from calibrary.registry.statements import RULES, content_of, subject_of
 
-__all__ = [
-    "ListedEntries",
-    "ListedEntry",
-    "Snapshot",
-    "StoredEntry",
-    "entry_paths",
-    "proposal_paths",
-    "read_entry_file",
-    "require_own_path",
-    "unapproved",
-    "used_before",
-]
-
-
 MOST_INDICES = 256
 """Models of which the entries stay in memory."""
 

@@ -11,8 +11,6 @@ from msgspec import Struct
 
 from calibrary.errors import InputError
 
-__all__ = ["Sheet", "csv_text", "read_sheet", "same_number"]
-
 FORMULA: Final = ("=", "+", "-", "@", "\t", "\r")
 """First characters that make a spreadsheet treat a cell as a formula (OWASP, "CSV Injection")."""
 ESCAPED: Final = (*FORMULA, "'")

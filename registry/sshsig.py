@@ -20,8 +20,6 @@ from typing import Any, Final
 
 from calibrary.errors import RegistryError
 
-__all__ = ["ARMOR", "KEY", "BadSignatureError", "Signer", "fingerprint", "key_blob", "signed_by"]
-
 KEY: Final = re.compile(r"(?:sk-)?(?:ssh|ecdsa)-\S+ \S+")
 """The text of a public key: its kind and its content."""
 ARMOR: Final = "-----BEGIN SSH SIGNATURE-----\n"

@@ -38,20 +38,6 @@ from calibrary.registry.statements import (
     state_after,
 )
 
-__all__ = [
-    "Book",
-    "Chain",
-    "Epoch",
-    "Evidence",
-    "InForce",
-    "Rulebook",
-    "Standing",
-    "label_subject",
-    "standing_of",
-    "until",
-]
-
-
 ENDING: Final = frozenset({"retire", "hold"})
 MOST: Final = 10_000
 """Statements on one subject that are read; a person makes one at a time."""

@@ -27,26 +27,6 @@ from calibrary.registry.entry import Entry
 from calibrary.registry.paths import STATEMENTS, SUFFIX
 from calibrary.registry.sshsig import ARMOR, BadSignatureError, fingerprint, signed_by
 
-__all__ = [
-    "FOUNDATION",
-    "LARGEST_STATEMENT",
-    "LEDGERS",
-    "NAMESPACE",
-    "RULES",
-    "Body",
-    "Broken",
-    "Ledger",
-    "Signed",
-    "content_of",
-    "ledger_files",
-    "ledger_path",
-    "parse_statement",
-    "state_after",
-    "statement_bytes",
-    "statement_path",
-    "subject_of",
-]
-
 NAMESPACE: Final = "calibrary-statement-1"
 RULES: Final = "rules"
 """Subject of the statements on who may approve."""

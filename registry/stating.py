@@ -33,8 +33,6 @@ from calibrary.registry.statements import (
     subject_of,
 )
 
-__all__ = ["Act", "Stated", "brought", "founded", "state_rules", "stated", "who_states"]
-
 
 class Act(Struct, frozen=True, kw_only=True):
     """What a person does with an entry.

@@ -37,8 +37,6 @@ from calibrary.registry.registry import open_snapshot
 from calibrary.registry.statements import LEDGERS, parse_statement
 from calibrary.registry.stating import Act, stated
 
-__all__ = ["DEFAULT", "SyncReport", "pull", "push", "remote_named", "sync"]
-
 DEFAULT: Final = "origin"
 
 

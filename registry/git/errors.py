@@ -9,16 +9,6 @@ from msgspec import Struct
 
 from calibrary.errors import ConflictError, RegistryError, first_of
 
-__all__ = [
-    "Combine",
-    "Conflict",
-    "FileConflictError",
-    "RewrittenError",
-    "TooLargeError",
-    "Withdrawn",
-    "explain",
-]
-
 
 class Conflict(Struct, frozen=True, kw_only=True):
     """A file that two writers changed.

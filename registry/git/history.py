@@ -19,26 +19,6 @@ from calibrary.registry.git.objects import HEX, REGULAR, Blob, Member
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Person, subject_of, trailers_of
 
-__all__ = [
-    "SOURCE_FILE",
-    "SOURCE_SHA256",
-    "ChangedFile",
-    "Firmware",
-    "Named",
-    "OnDate",
-    "Rev",
-    "Revision",
-    "Signature",
-    "changed",
-    "commit_at",
-    "histories",
-    "history",
-    "newest_where",
-    "not_files",
-    "parse_rev",
-    "signatures",
-]
-
 MOVED_FROM = "Moved-From"
 SOURCE_FILE = "Source-File"
 SOURCE_SHA256 = "Source-Sha256"

@@ -21,8 +21,6 @@ from pathlib import Path
 
 from calibrary.errors import RegistryError
 
-__all__ = ["WriterLock", "backoff", "blocking_lock", "writer_lock"]
-
 LOCK_NAME = "calibrary.lock"
 LONGEST_PAUSE_S = 0.2
 WITHOUT_LOCKS = frozenset({errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP})

@@ -14,23 +14,6 @@ from msgspec import Meta, Struct
 
 from calibrary.registry.git.errors import TooLargeError
 
-__all__ = [
-    "HEX",
-    "LARGEST_FILE",
-    "REGULAR",
-    "TREE",
-    "Blob",
-    "Load",
-    "Member",
-    "ObjectId",
-    "ObjectReader",
-    "blob_id",
-    "difference",
-    "members",
-    "object_id",
-    "walk",
-]
-
 HEX: Final = re.compile(r"[0-9a-f]{40}\Z")
 ObjectId: TypeAlias = Annotated[str, Meta(pattern="^[0-9a-f]{40}$")]
 LARGEST_FILE: Final = 1 << 20

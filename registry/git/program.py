@@ -30,28 +30,6 @@ from calibrary.errors import RegistryError
 if TYPE_CHECKING:
     from git import Git
 
-__all__ = [
-    "LONGEST_NAME",
-    "OPTIONS_OF",
-    "PINNED",
-    "Environment",
-    "Output",
-    "Setting",
-    "check_branch",
-    "check_path",
-    "check_remote_name",
-    "check_url",
-    "git_in",
-    "git_version",
-    "is_safe_name",
-    "judge_settings",
-    "parse_settings",
-    "repository_environment",
-    "run_git",
-    "started",
-    "without_secret",
-]
-
 
 OLDEST_GIT = (2, 24)
 

@@ -59,20 +59,6 @@ from calibrary.registry.git.writing import (
     subject_of,
 )
 
-__all__ = [
-    "Proposed",
-    "Pulled",
-    "Removed",
-    "clone",
-    "fetch",
-    "ours_on_theirs",
-    "propose",
-    "pull",
-    "push",
-    "review_address",
-    "set_remote",
-]
-
 NETWORK_S = 600.0
 TRIES = 4
 TRANSIENT = (

@@ -53,20 +53,6 @@ from calibrary.registry.git.program import (
     started,
 )
 
-__all__ = [
-    "REF",
-    "Repository",
-    "create",
-    "damaged",
-    "discover",
-    "index_paths",
-    "is_due",
-    "lost_ref",
-    "maintain",
-    "refusal",
-    "require_branch",
-]
-
 
 def discover(path: Path) -> tuple[Path, Path, bool]:
     """Return the git folder, the one shared with linked work trees, and whether the repository is bare."""

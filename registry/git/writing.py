@@ -35,36 +35,6 @@ from calibrary.registry.git.objects import HEX, LARGEST_FILE, Blob, blob_id
 from calibrary.registry.git.program import Output, check_branch
 from calibrary.registry.git.repository import Repository
 
-__all__ = [
-    "ANY",
-    "EMPTY_TREE",
-    "Base",
-    "Change",
-    "File",
-    "Person",
-    "Step",
-    "Trailers",
-    "Written",
-    "advance",
-    "begin_update",
-    "branch_ref",
-    "build",
-    "compose",
-    "effective_changes",
-    "finish_update",
-    "identity",
-    "is_signing",
-    "land",
-    "moment_after",
-    "move_branch",
-    "require_clean",
-    "stream",
-    "subject_of",
-    "trailers_of",
-    "update_work_tree",
-    "write",
-]
-
 EMPTY_TREE = "4b825dc642cb6eb9a060e54bf8d69288fbee4904"
 UPDATE_NOTE = "calibrary-sync"
 OWN_INDEX = "calibrary-index"

@@ -12,8 +12,6 @@ from urllib.parse import unquote, urlsplit, urlunsplit
 from calibrary.errors import RegistryError
 from calibrary.registry.places import FOLDER
 
-__all__ = ["ALLOW_HTTP", "disk_path", "is_loopback", "normalised", "reason_against"]
-
 ALLOW_HTTP: Final = "CALIBRARY_ALLOW_HTTP"
 """Environment variable that, set to 1, allows http:// addresses of other machines."""
 

@@ -20,8 +20,6 @@ from platformdirs import user_cache_path
 
 from calibrary.registry.published.layout import PublishedCamera, sha256
 
-__all__ = ["CACHE_MIB", "FILES", "TRUSTED", "Cache", "prune", "prune_if_due"]
-
 LARGEST: Final = 16 << 20
 MOST_DOCUMENTS: Final = 2048
 """Number of camera files kept parsed per process."""

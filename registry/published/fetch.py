@@ -26,8 +26,6 @@ from calibrary.errors import RegistryError
 from calibrary.registry.published.address import disk_path, is_loopback, reason_against
 from calibrary.version import __version__
 
-__all__ = ["TOKEN", "Fetch", "FetchError", "fetch"]
-
 TOKEN: Final = "CALIBRARY_TOKEN"  # noqa: S105  its name
 """Environment variable with a bearer token for the server of a published registry: HOST=TOKEN."""
 TIMEOUT_S: Final = 10.0

@@ -21,26 +21,6 @@ from calibrary.registry.entry import Entry, Status, Validity
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.git.objects import ObjectId
 
-__all__ = [
-    "CAMERA_FOLDER",
-    "ENTRY_FOLDER",
-    "METADATA_FOLDER",
-    "SCHEMAS",
-    "SCHEMA_FOLDER",
-    "UNIT_FOLDER",
-    "CameraName",
-    "EarlierRevision",
-    "PublishedCamera",
-    "PublishedEntry",
-    "PublishedState",
-    "camera_path",
-    "document_bytes",
-    "entry_path",
-    "is_ours",
-    "sha256",
-    "units_folder",
-]
-
 METADATA_FOLDER: Final = "metadata"
 CAMERA_FOLDER: Final = "models"
 UNIT_FOLDER: Final = "units"

@@ -42,19 +42,6 @@ from calibrary.records import from_json, to_json
 from calibrary.registry.published.layout import METADATA_FOLDER, PublishedState
 from calibrary.registry.published.output import Output
 
-__all__ = [
-    "STATE_FIELD",
-    "TIMESTAMP_FILE",
-    "USUAL_DAYS",
-    "Former",
-    "Listed",
-    "Signers",
-    "expiry",
-    "former",
-    "signers",
-    "write_metadata",
-]
-
 TIMESTAMP_FILE: Final = f"{METADATA_FOLDER}/timestamp.json"
 """The file that is replaced last."""
 STATE_FIELD: Final = "x-calibrary-published"

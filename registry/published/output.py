@@ -24,8 +24,6 @@ from calibrary.registry.published.layout import (
     sha256,
 )
 
-__all__ = ["FOLDERS", "OWN_NAMES", "SITE_MARKER", "STATE_FILE", "Output", "check_out", "opened"]
-
 FOLDERS: Final = (ENTRY_FOLDER, CAMERA_FOLDER, UNIT_FOLDER, METADATA_FOLDER)
 STAGING: Final = ".publishing"
 STATE_FILE: Final = f"{STAGING}/state.json"

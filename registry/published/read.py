@@ -44,8 +44,6 @@ from calibrary.registry.published.trust import GONE, SIGNERS, MixedError, Trust
 from calibrary.registry.resolution import RegistryIndex
 from calibrary.strictjson import parse_json
 
-__all__ = ["Published"]
-
 LARGEST_CAMERA: Final = 4 << 20
 PAUSES_S: Final = (0.0, 0.2, 0.6)
 """Seconds to wait before a file that does not match the root is read again."""

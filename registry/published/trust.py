@@ -30,8 +30,6 @@ from calibrary.registry.published.fetch import Fetch, FetchError
 from calibrary.registry.published.layout import METADATA_FOLDER, PublishedState
 from calibrary.registry.published.metadata import STATE_FIELD
 
-__all__ = ["GONE", "NAMESPACE", "SIGNERS", "MixedError", "Trust"]
-
 SIGNERS: Final = "CALIBRARY_SIGNERS"
 """Environment variable with an "ALLOWED SIGNERS" file of ssh-keygen(1); the root's keys must then be among them."""
 NAMESPACE: Final = "calibrary-published"

@@ -59,18 +59,6 @@ from calibrary.schemas import served
 from calibrary.version import __version__
 from calibrary.workers import mapped
 
-__all__ = [
-    "ExistingPublication",
-    "Publication",
-    "Row",
-    "Signing",
-    "existing_publication",
-    "names_of",
-    "publish",
-    "save_state",
-    "written_rows",
-]
-
 UNSIGNED: Final = Signing()
 URL: Final = re.compile(r"https?://[^\s\"?#\\]+")
 

@@ -16,7 +16,8 @@ from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.git.repository import create
 from calibrary.registry.git.writing import Change, write
-from calibrary.registry.published.write import Publication, Signing, publish
+from calibrary.registry.published.metadata import Signing
+from calibrary.registry.published.write import Publication, publish
 from calibrary.registry.registry import open_snapshot
 from tests.registry.entries import an_entry
 from tests.registry.git.repositories import nobodys_git

@@ -742,7 +742,8 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         from calibrary.extras import PAGES, PUBLISHED, require
 
         require((*PUBLISHED, *PAGES) if site else PUBLISHED, "publishing")
-        from calibrary.registry.published.write import Signing, publish
+        from calibrary.registry.published.metadata import Signing
+        from calibrary.registry.published.write import publish
 
         done = publish(
             self.snapshot,

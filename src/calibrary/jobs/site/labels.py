@@ -10,8 +10,6 @@ from msgspec import Struct
 
 from calibrary.errors import InputError
 
-__all__ = ["LABELS", "Label", "check_address", "sheet"]
-
 LABELS = "labels.html"
 
 LONGEST_ADDRESS = 300
