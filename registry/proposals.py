@@ -18,11 +18,10 @@ from calibrary.errors import InputError, RegistryError
 from calibrary.known_camera import match_key
 from calibrary.provenance import HOW_MADE
 from calibrary.records import Record, replace
-from calibrary.registry.comments import comments_in
 from calibrary.registry.configuration import TO_MIGRATE
 from calibrary.registry.entry import VERDICT_BLOCK, Entry, Status, Validity, digest
 from calibrary.registry.entry_checks import Judge, check, in_order
-from calibrary.registry.entry_yaml import combined, entry_yaml, parse_entry, parsed
+from calibrary.registry.entry_yaml import combined, comments_in, entry_yaml, parse_entry, parsed
 from calibrary.registry.fields import FieldChange, differences
 from calibrary.registry.git.history import MOVED_FROM, SOURCE_FILE, SOURCE_SHA256
 from calibrary.registry.git.objects import ObjectId, blob_id

@@ -9,9 +9,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from calibrary.records import replace
-from calibrary.registry.comments import comments_in
 from calibrary.registry.entry import Entry
-from calibrary.registry.entry_yaml import LARGEST_ENTRY, LEGEND, combined, entry_yaml, parse_entry
+from calibrary.registry.entry_yaml import (
+    LARGEST_ENTRY,
+    LEGEND,
+    combined,
+    comments_in,
+    entry_yaml,
+    parse_entry,
+)
 from tests.registry.entries import an_entry, entries
 from tests.thorough import examples
 
