@@ -9,8 +9,6 @@ from __future__ import annotations
 
 from enum import Enum
 
-__all__ = ["Colour", "style_rules"]
-
 
 class Colour(Enum):
     """A role, and its (light, dark) colours."""

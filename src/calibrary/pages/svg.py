@@ -19,8 +19,6 @@ from calibrary.pages.palette import Colour
 if TYPE_CHECKING:
     from lxml.etree import _Element
 
-__all__ = ["inline_svg"]
-
 SVG = "{http://www.w3.org/2000/svg}"
 XLINK_HREF = "{http://www.w3.org/1999/xlink}href"
 

@@ -13,8 +13,6 @@ from calibrary.pages import Figure, Frame, Page, Section
 from calibrary.pages.svg import inline_svg
 from calibrary.pages.wording import visible
 
-__all__ = ["fill"]
-
 MOST_LINES = 1_000
 LONGEST_ALT = 2_000
 _WHOLE = re.compile(r"(?<!\S)--\w[\w-]*|\b\d{4}-\d\d-\d\d\b")

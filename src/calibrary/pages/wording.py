@@ -15,24 +15,6 @@ from calibrary.pages import Block, Cell, Column, Table, Tone
 from calibrary.validation import UNPROVEN_LEGEND, Severity
 from calibrary.version import __version__
 
-__all__ = [
-    "LONGEST",
-    "SEVERITIES",
-    "UNPROVEN",
-    "count",
-    "cut_table",
-    "distortion_blocks",
-    "intrinsics_items",
-    "made_by",
-    "minus",
-    "or_unknown",
-    "rounded",
-    "sentence",
-    "several",
-    "stds_of",
-    "visible",
-]
-
 LONGEST = 4_000
 """Most characters of one piece of text on a page."""
 

@@ -45,8 +45,6 @@ from calibrary.sfm.engine import MAX_SIDE
 from calibrary.sfm.nuisances import PRECISE_M, READOUT_S, NuisancePriors
 from calibrary.sfm.tracks import FEWEST_IMAGES, Positions, Scene, Tracks, aligned, levelled
 
-__all__ = ["Adjustment", "adjust", "scene_of_model"]
-
 ROUNDS: Final = 6
 FIRST_ROUNDS: Final = 2
 """Number of rounds to see whether a lens is a fisheye."""

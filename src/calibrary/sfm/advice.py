@@ -24,8 +24,6 @@ from calibrary.sfm.bundle import Bundle, lens_block, reduce
 from calibrary.sfm.nuisances import PRECISE_M
 from calibrary.sfm.sigma import CENTRE, CameraUncertainty, covariance, inverted
 
-__all__ = ["Help", "helps"]
-
 WORTH: Final = 0.8
 """Largest σ afterwards, as a share of that before, of what is worth its effort."""
 SURVEYED: Final = 5

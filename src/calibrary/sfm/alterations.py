@@ -23,19 +23,6 @@ from calibrary.records import Record
 if TYPE_CHECKING:
     from calibrary.calib.lens_models import Solvable
 
-__all__ = [
-    "DISTORTION",
-    "Alteration",
-    "Claim",
-    "Kind",
-    "MeasuredCamera",
-    "claimed_shift",
-    "corner_shift",
-    "distortion_altered",
-    "find_alterations",
-    "focal_altered",
-]
-
 MATTERS_PX: Final = 3.0
 """Smallest relevant distortion in the corners, in px of an image at the size of feature detection."""
 SIGMAS: Final = 4.0

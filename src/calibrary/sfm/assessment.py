@@ -29,8 +29,6 @@ from calibrary.sfm.pixel_judging import measured_camera
 from calibrary.sfm.sigma import FEATURE_SIDE, FOCAL_BY_PX, CameraUncertainty, camera_uncertainty
 from calibrary.validation import Finding, Severity
 
-__all__ = ["FLIGHT", "FlightResult", "flight_result"]
-
 FLIGHT: Final = "flight"
 """Kind of provenance."""
 FEW_IMAGES: Final = 15

@@ -23,21 +23,6 @@ from calibrary.sfm.nuisances import NONE, READOUT, ahead, ahead_by_turn, row_shi
 from calibrary.sfm.priors import GAUGE, Priors, anchored, priors_of
 from calibrary.sfm.tracks import Scene, Tracks
 
-__all__ = [
-    "LEAST_DAMPING",
-    "Bundle",
-    "Linear",
-    "Projections",
-    "Reduced",
-    "adjust_bundle",
-    "lens_block",
-    "linearise",
-    "moved_by",
-    "projections",
-    "reduce",
-    "unmoved",
-]
-
 MAX_STEPS: Final = 60
 SETTLED: Final = 1e-9
 """The search ends at a step that reduces the cost by less than this share."""

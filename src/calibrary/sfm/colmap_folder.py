@@ -32,8 +32,6 @@ from calibrary.parsers.files import read_regular_file
 from calibrary.rotations import from_quaternion
 from calibrary.sfm.reconstruction import Reconstruction
 
-__all__ = ["colmap_cameras", "is_colmap_folder", "read_colmap"]
-
 PARTS: Final = ("cameras", "images", "points3D")
 BELOW: Final = (".", "sparse/0", "0", "sparse")
 """Location of a project's first model relative to the folders that users name."""

@@ -21,8 +21,6 @@ from calibrary.errors import CalibraryError, CalibrationError
 from calibrary.progress import Progress, log
 from calibrary.workers import deaf_to_ctrl_c
 
-__all__ = ["run_apart"]
-
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 

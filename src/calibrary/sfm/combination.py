@@ -27,16 +27,6 @@ from calibrary.errors import CalibrationError, InputError
 from calibrary.probability import chi_square_tail
 from calibrary.records import replace
 
-__all__ = [
-    "Difference",
-    "Disagreement",
-    "WeightedMean",
-    "difference",
-    "explanation",
-    "shared_parameters",
-    "weighted_mean",
-]
-
 DETERMINED: Final = 1e-10
 """Smallest share of the largest scaled variance; less means a fixed combination, such as fx − fy if both were equal."""
 SAME_HELD: Final = 1e-6

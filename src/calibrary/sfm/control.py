@@ -27,8 +27,6 @@ from calibrary.sfm.priors import GAUGE
 from calibrary.sfm.survey import Survey
 from calibrary.sfm.tracks import FEWEST_IMAGES, Control, Scene, Similarity, Tracks, similarity
 
-__all__ = ["fit_of", "on_control", "restated", "with_survey", "within_marks"]
-
 FEWEST_POINTS: Final = 3
 GATE: Final = 4.5
 """The length of a two-dimensional normal error exceeds 4.5 σ once in 25 000 marks."""

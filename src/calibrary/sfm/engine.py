@@ -24,8 +24,6 @@ from calibrary.extras import SFM, require
 from calibrary.progress import Progress
 from calibrary.sfm.colmap_process import run_apart
 
-__all__ = ["DATABASE", "FlightImage", "MatchedFlight", "Matches", "match", "read_keypoints", "read_matches"]
-
 Item = TypeVar("Item")
 
 DATABASE = "database.db"

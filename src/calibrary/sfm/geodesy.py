@@ -14,8 +14,6 @@ from numpy.typing import ArrayLike
 
 from calibrary.arrays import FloatArray
 
-__all__ = ["LocalFrame"]
-
 SEMI_MAJOR_M: Final = 6_378_137.0
 FLATTENING: Final = 1 / 298.257223563
 """NIMA TR8350.2, "Department of Defense World Geodetic System 1984", table 3.1."""

@@ -22,18 +22,6 @@ from calibrary.records import replace
 from calibrary.sfm.engine import FlightImage
 from calibrary.sfm.geodesy import LocalFrame
 
-__all__ = [
-    "OBLIQUE_FROM_DEG",
-    "RECEIVER_STD_M",
-    "LocatedImage",
-    "Selection",
-    "geodetic",
-    "height_classes",
-    "images_nearby",
-    "overlapping_pairs",
-    "select_images",
-]
-
 RECEIVER_STD_M: Final = (3.0, 3.0, 5.0)
 """Standard deviations (east, north, up) of a receiver that states none."""
 SMALL: Final = 0.6

@@ -28,8 +28,6 @@ from calibrary.sfm.colmap_process import run_apart
 from calibrary.sfm.engine import FlightImage, MatchedFlight, Matches, read_keypoints, read_matches
 from calibrary.sfm.tracks import FEWEST_IMAGES, Positions, Scene, Tracks
 
-__all__ = ["OPENCV", "OPENCV_FISHEYE", "obvious_reason_unfit", "positions_of", "reason_unfit", "reconstruct"]
-
 OPENCV: Final = ("OPENCV", 4, Solvable.K1K2P1P2)
 OPENCV_FISHEYE: Final = ("OPENCV_FISHEYE", 5, Solvable.FISHEYE)
 """Name and number of COLMAP's model (``sensor/models.h``), and our model with the same order of the parameters."""

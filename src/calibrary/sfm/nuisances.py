@@ -33,22 +33,6 @@ from calibrary.errors import CalibraryError
 from calibrary.evidence.dji import is_mechanical
 from calibrary.parsers.imagery import read_metadata
 
-__all__ = [
-    "ASPECT_STD",
-    "HEIGHT_SCALE",
-    "NONE",
-    "PRECISE_M",
-    "READOUT",
-    "READOUT_S",
-    "Nuisance",
-    "NuisancePriors",
-    "ahead",
-    "ahead_by_turn",
-    "place_by_nuisance",
-    "readout_of",
-    "row_shift",
-]
-
 ASPECT_STD: Final = 1e-3
 """Standard deviation of fy ÷ fx before a flight: a choice, no measurement of cameras. With half of it, fy of a
 simulated flight of 3000 points, whose camera has 7e-4, came out 4 σ off."""

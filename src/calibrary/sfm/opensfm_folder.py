@@ -37,8 +37,6 @@ from calibrary.sfm.reconstruction import Reconstruction
 from calibrary.sfm.tracks import Positions
 from calibrary.strictjson import parse_json
 
-__all__ = ["is_opensfm_folder", "opensfm_cameras", "read_opensfm"]
-
 RECONSTRUCTION: Final = "reconstruction.json"
 TRACKS: Final = "tracks.csv"
 VERSION: Final = "OPENSFM_TRACKS_VERSION_"

@@ -8,8 +8,6 @@ from typing import Annotated
 from calibrary.records import Meta, Record
 from calibrary.sfm.alterations import Alteration
 
-__all__ = ["CentreCheck", "DistortionCheck", "PixelCheck", "PixelVerdict"]
-
 
 class PixelVerdict(StrEnum):
     """Verdict of the pixels on K."""

@@ -26,8 +26,6 @@ from calibrary.sfm.sigma import CameraUncertainty
 from calibrary.sfm.tracks import Scene
 from calibrary.sfm.two_view import TwoViewFocal
 
-__all__ = ["cannot_tell", "doubt_of", "judge_pixels", "measured_camera"]
-
 CONTRADICTS_FROM: Final = 0.015
 """Smallest relative difference of fx for a contradiction. Smaller differences of a self-calibration from a design value
 are normal: focus, heat, rolling shutter."""

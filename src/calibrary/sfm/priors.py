@@ -21,8 +21,6 @@ from calibrary.rotations import rotation_matrix
 from calibrary.sfm.nuisances import ASPECT_STD, HEIGHT_SCALE, NONE, READOUT, ahead_by_turn, place_by_nuisance
 from calibrary.sfm.tracks import FEWEST_IMAGES, Scene, Similarity, Tracks
 
-__all__ = ["GAUGE", "Priors", "anchored", "priors_of"]
-
 UP: Final = 2
 FOCAL: Final = (0, 1)
 """Index of fx and fy among the parameters of every lens model."""

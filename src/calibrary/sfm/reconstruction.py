@@ -24,8 +24,6 @@ from calibrary.records import replace
 from calibrary.sfm.image_selection import OBLIQUE_FROM_DEG, height_classes, images_nearby
 from calibrary.sfm.tracks import FEWEST_IMAGES, Positions, Scene, Tracks, upward
 
-__all__ = ["Reconstruction", "scene_of"]
-
 FEWEST_OBSERVATIONS: Final = 20
 """Smallest number of observations of an image; fewer hardly determine its pose."""
 PERSPECTIVE_UP_TO_DEG: Final = 60.0

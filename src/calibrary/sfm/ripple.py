@@ -24,8 +24,6 @@ from calibrary.distortion.base import blocks
 from calibrary.records import replace
 from calibrary.sfm.bundle import Bundle, Linear, lens_block, linearise, projections, reduce
 
-__all__ = ["by_image", "ripple_shift", "wander_shift"]
-
 INTERVALS: Final = (6, 4)
 """Four by three followed half of a ripple of half the frame, which moved fy of a fisheye's flights to one side."""
 DEGREE: Final = 3

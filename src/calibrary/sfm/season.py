@@ -42,8 +42,6 @@ from calibrary.sfm.sigma import (
 )
 from calibrary.sfm.tracks import Scene, Tracks
 
-__all__ = ["Drift", "Season", "of_one_model", "solve_season"]
-
 FOCAL_RATE_STD: Final = 2e-3
 """Standard deviation of the drift of the focal length, share a year."""
 CENTRE_RATE_STD: Final = 5e-4

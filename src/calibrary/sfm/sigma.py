@@ -37,19 +37,6 @@ from calibrary.sfm.nuisances import READOUT, Nuisance
 from calibrary.sfm.ripple import by_image, ripple_shift, wander_shift
 from calibrary.sfm.tracks import upward
 
-__all__ = [
-    "FEATURE_SIDE",
-    "FOCAL_BY_PX",
-    "CameraUncertainty",
-    "FixedCentre",
-    "camera_uncertainty",
-    "covariance",
-    "flight_geometry",
-    "halves",
-    "held_in_the_middle",
-    "inverted",
-]
-
 SPLITS: Final = 15
 """Number of splits; each takes two reductions of half the flight."""
 FEWEST_IMAGES: Final = 8

@@ -28,8 +28,6 @@ from calibrary.calibration import CameraKey, Origin, SourceFile
 from calibrary.errors import ParseError
 from calibrary.extras import SURVEY, require
 
-__all__ = ["Mark", "Survey", "read_survey"]
-
 LOCAL: Final = "local"
 MOST_LINES: Final = 100_000
 _UTM = re.compile(r"WGS84 UTM (\d{1,2})([NS]?)", re.IGNORECASE)

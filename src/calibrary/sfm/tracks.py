@@ -15,20 +15,6 @@ from calibrary.errors import CalibrationError
 from calibrary.records import replace
 from calibrary.sfm.nuisances import NONE, NuisancePriors
 
-__all__ = [
-    "FEWEST_IMAGES",
-    "Control",
-    "Positions",
-    "Scene",
-    "Similarity",
-    "Tracks",
-    "aligned",
-    "levelled",
-    "similarity",
-    "thinned",
-    "upward",
-]
-
 FEWEST_IMAGES: Final = 3
 """Fewer provide no check of the focal length."""
 

@@ -27,8 +27,6 @@ from calibrary.calibration import Calibration
 from calibrary.records import replace
 from calibrary.sfm.engine import Matches
 
-__all__ = ["TwoViewFocal", "focal_of_fundamental", "focal_of_pairs", "fundamental", "undistorted"]
-
 GROUPS: Final = 10
 """Number of groups of a pair's matches; each is left out once."""
 

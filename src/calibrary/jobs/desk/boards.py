@@ -49,8 +49,6 @@ from calibrary.pages import (
 from calibrary.pages.wording import distortion_blocks, intrinsics_items, sentence
 from calibrary.records import from_json, replace
 
-__all__ = ["command", "proposing", "questions", "so_far", "solved", "watching"]
-
 AGAIN: Final = Link("Other boards", "/boards")
 CORNERS: Final = "corners.json"
 VERDICTS: Final = {

@@ -27,8 +27,6 @@ from calibrary.policy import FLEET
 from calibrary.records import replace
 from calibrary.registry.paths import id_of
 
-__all__ = ["compared", "questions", "reported", "since", "through_flights"]
-
 AGAIN: Final = Link("Compare others", "/compare")
 SIDES: Final = (("a", "A, the earlier"), ("b", "B, the later"))
 HINT: Final = (

@@ -41,8 +41,6 @@ from calibrary.pages.wording import count, sentence
 from calibrary.parsers.files import is_image
 from calibrary.parsers.imagery.source import Source
 
-__all__ = ["Drop", "archive", "checked", "command", "questions"]
-
 MATRIX: Final = "K_matrix.npy"
 MOST_FILES: Final = 100_000
 MOST_ROUNDS: Final = 12

@@ -32,8 +32,6 @@ from calibrary.errors import InputError, UsageError
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-__all__ = ["Desk", "Guarded", "Keys"]
-
 LOOPBACK: Final = "127.0.0.1"
 LOCAL: Final = "localhost"
 ANY: Final = "0.0.0.0"  # noqa: S104  what a person has asked for

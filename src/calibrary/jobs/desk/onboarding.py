@@ -30,8 +30,6 @@ from calibrary.jobs.onboard.report import Decision, OnboardReport
 from calibrary.pages import Block, Field, Form, Link, Note, Page, Section, Tone
 from calibrary.records import from_json, replace
 
-__all__ = ["command", "decided", "proposing", "questions"]
-
 AGAIN: Final = Link("Onboard another payload", "/onboard")
 ASKED: Final = (
     Field(

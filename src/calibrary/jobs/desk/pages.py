@@ -79,8 +79,6 @@ from calibrary.registry.history import of_path
 from calibrary.registry.paths import ROOT, SUFFIX, id_of
 from calibrary.registry.snapshot import Snapshot
 
-__all__ = ["Pages"]
-
 WAYS: Final = (
     Link("Look up", "/"),
     Link("Check a flight", "/flight"),

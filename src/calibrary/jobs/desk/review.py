@@ -42,8 +42,6 @@ from calibrary.registry.paths import PROPOSED
 from calibrary.registry.proposals import Proposal
 from calibrary.validation import Severity
 
-__all__ = ["decided", "decision", "decision_forms", "proposal", "queue"]
-
 ALTITUDE_M: Final = 100.0
 TONES: Final = {Severity.ERROR: Tone.BAD, Severity.WARNING: Tone.CAUTION, Severity.UNPROVEN: Tone.CAUTION}
 HINTS: Final = {

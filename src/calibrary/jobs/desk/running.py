@@ -27,22 +27,6 @@ from calibrary.pages import (
 from calibrary.pages.wording import made_by
 from calibrary.records import replace
 
-__all__ = [
-    "DRY",
-    "REPORT",
-    "SAME",
-    "again_form",
-    "desk_page",
-    "flags",
-    "how",
-    "path_of",
-    "place_of",
-    "proposal_form",
-    "running",
-    "stated",
-    "without_result",
-]
-
 REPORT: Final = "report.html"
 DRY: Final = "--dry-run"
 SAME: Final = "The same in a terminal"

@@ -23,8 +23,6 @@ from typing import Final
 
 from calibrary.errors import InputError
 
-__all__ = ["PATIENCE_S", "Job", "Jobs"]
-
 PATIENCE_S: Final = 3.0
 """Time for an interrupted command to unwind."""
 MOST_JOBS: Final = 200

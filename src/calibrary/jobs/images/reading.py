@@ -34,23 +34,6 @@ from calibrary.jobs.images.places import is_remote, open_place
 from calibrary.jobs.images.ranged import StoreError
 from calibrary.progress import log
 
-__all__ = [
-    "BATCH",
-    "SHARD",
-    "Done",
-    "Engine",
-    "Partials",
-    "Question",
-    "Reading",
-    "Unit",
-    "batches",
-    "gather",
-    "here",
-    "read_images",
-    "read_unit",
-    "shards",
-]
-
 SHARD = 8192
 """Average number of images per shard: some seconds of work, and a file of 150 kB."""
 MOST = 4

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-__all__ = ["MOST_POINTS", "Axis", "as_points", "as_values", "draw", "name", "number", "thinned"]
-
 
 UNITS_PER_INCH = 72
 MOST_POINTS = 2_000

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-__all__ = ["bars", "correlations", "poses"]
-
 MOST_NAMES = 24
 """Most names that fit below an axis."""
 

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-__all__ = ["displacement", "distortion_map", "heat_map", "radial_curve", "vector_field"]
-
 MOST_ARROWS = 1_200
 FRAME_WIDTH = 520
 LONG_ARROW = 0.07

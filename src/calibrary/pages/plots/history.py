@@ -17,8 +17,6 @@ from calibrary.pages import Figure
 from calibrary.pages.palette import Colour
 from calibrary.pages.plots.canvas import Axis, as_values, name
 
-__all__ = ["Series", "history"]
-
 INK, MUTED, LINE = Colour.INK.light, Colour.MUTED.light, Colour.LINE.light
 ACCENT, SECOND = Colour.ACCENT.light, Colour.SECOND.light
 

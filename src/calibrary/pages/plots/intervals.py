@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-__all__ = ["Band", "Dated", "Interval", "Period", "Role", "intervals", "over_time"]
-
 MOST_ROWS = 24
 
 

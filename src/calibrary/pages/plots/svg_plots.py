@@ -21,8 +21,6 @@ from calibrary.pages import Figure
 from calibrary.pages.palette import Colour
 from calibrary.pages.plots.canvas import Axis, name, number
 
-__all__ = ["amount_map", "arrow_map"]
-
 INK, MUTED, SURFACE = Colour.INK.light, Colour.MUTED.light, Colour.SURFACE.light
 ACCENT, BAD = Colour.ACCENT.light, Colour.BAD.light
 
