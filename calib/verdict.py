@@ -299,6 +299,11 @@ def _check(use: AskedUse, known: str, against: tuple[str, ...]) -> UseCheck:
     return UseCheck(use=use, holds=not against, why=said, against=against)
 
 
+def whole_percent(share: float) -> str:
+    """Return a share in whole per cent, never rounded up to the limit that it misses."""
+    return f"{math.floor(share * 100 + 1e-9)}%"
+
+
 def _numbers(e: Evidence, policy: Policy, height_cm: float) -> str:
     height = f"{two_digits(height_cm)} cm of height at {policy.flying_height_m:g} m (limit "
     height += f"{two_digits(100 * policy.flying_height_m * policy.fixed_sigma_focal)} cm)"
@@ -306,7 +311,7 @@ def _numbers(e: Evidence, policy: Policy, height_cm: float) -> str:
     if proven is None:
         return f"σ over the frame is unknown, {height}"
     image = "image circle" if proven.circle_px is not None else "frame"
-    limit = f"{proven.share:.0%} of the {image} is proven to {policy.fixed_sigma_px:g} px"
+    limit = f"{whole_percent(proven.share)} of the {image} is proven to {policy.fixed_sigma_px:g} px"
     if proven.sigma_px is None:
         return f"no part of the {image} is proven to {policy.fixed_sigma_px:g} px, {height}"
     edge = f", {two_digits(proven.edge_px)} px at its edge" if proven.edge_px > policy.fixed_sigma_px else ""

@@ -8,7 +8,7 @@ from typing import Final
 
 from calibrary.calib.misfit import Cause
 from calibrary.calib.rejection import in_px
-from calibrary.calib.verdict import LIMITS, Evidence, Limits
+from calibrary.calib.verdict import LIMITS, Evidence, Limits, whole_percent
 from calibrary.calibration import ImageSize
 from calibrary.policy import FLEET, Policy
 from calibrary.quality import two_digits
@@ -26,11 +26,6 @@ def judge(evidence: Evidence, limits: Limits = LIMITS, policy: Policy = FLEET) -
         *_known(evidence, limits, policy),
     )
     return graver_first(found)
-
-
-def _down(share: float) -> str:
-    """Return a share in whole per cent, never rounded up to the limit that it misses."""
-    return f"{math.floor(share * 100 + 1e-9)}%"
 
 
 def graver_first(findings: Iterable[Finding]) -> tuple[Finding, ...]:
@@ -103,7 +98,7 @@ def _coverage(e: Evidence, limits: Limits) -> Iterator[Finding]:
             severity=Severity.ERROR,
             measured=e.near,
             limit=limits.near_needed,
-            message=f"corners lie near {_down(e.near)} of the {_image(e)}, need {limits.near_needed:.0%}: the "
+            message=f"corners lie near {whole_percent(e.near)} of the {_image(e)}, need {limits.near_needed:.0%}: the "
             "distortion of the rest is a guess",
             remedy=_where(e),
         )
@@ -151,7 +146,7 @@ def _known(e: Evidence, limits: Limits, policy: Policy) -> Iterator[Finding]:
             remedy="choose a simpler model, or take more views",
         )
     elif not proven.share >= policy.fixed_share:
-        known = f"{_down(proven.share)} of the {_image(e)} is proven to {policy.fixed_sigma_px:g} px"
+        known = f"{whole_percent(proven.share)} of the {_image(e)} is proven to {policy.fixed_sigma_px:g} px"
         wide = proven.share < e.near / 2
         yield Finding(
             rule="unproven-region",
@@ -159,7 +154,7 @@ def _known(e: Evidence, limits: Limits, policy: Policy) -> Iterator[Finding]:
             measured=proven.share,
             limit=policy.fixed_share,
             message=f"{known}, need {policy.fixed_share:.0%} to keep K fixed"
-            + (f"; corners were seen near {e.near:.0%} of it" if wide else ""),
+            + (f"; corners were seen near {whole_percent(e.near)} of it" if wide else ""),
             remedy="take more views, with more tilt, or choose a simpler model" if wide else _where(e),
         )
     elif proven.edge_px > policy.fixed_sigma_px:
