@@ -201,3 +201,27 @@ def test_a_second_ctrl_c_does_not_disturb_the_first(tmp_path: Path, flight: Path
     code, printed = interrupted(command, tmp_path, signal.SIGINT, twice, group=True)
     assert (code, printed) == (130, "calibrary: interrupted; nothing was half written\n")
     assert list(tmp_path.iterdir()) == []
+
+
+STARTED = """
+import os, subprocess, sys, time
+
+environment = {**os.environ, "CALIBRARY_PARENT": str(os.getpid())}
+watch = [sys.executable, "-m", "calibrary", "calibrate", "watch", sys.argv[1], "--board", "checkerboard:9x6"]
+one = subprocess.Popen(watch, env=environment, start_new_session=True, stderr=subprocess.DEVNULL)
+print(one.pid, flush=True)
+time.sleep(600)
+"""
+
+
+def test_a_command_ends_with_the_program_that_it_works_for(tmp_path: Path) -> None:
+    starter = subprocess.Popen([sys.executable, "-c", STARTED, tmp_path], stdout=subprocess.PIPE, text=True)
+    with starter as desk:
+        assert desk.stdout is not None
+        group = int(desk.stdout.readline())
+        assert members(group)
+        desk.kill()
+    until = time.monotonic() + WAIT_S
+    while members(group) and time.monotonic() < until:
+        time.sleep(0.1)
+    assert members(group) == []

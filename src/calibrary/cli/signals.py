@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import threading
+import time
 from types import FrameType
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
+PARENT = "CALIBRARY_PARENT"
+"""Process without which a command has nobody to work for, as the desk states it to those that it starts."""
 
 
 class Interrupted(KeyboardInterrupt):
@@ -22,6 +27,9 @@ def listen() -> None:
         # A command started with a signal ignored, as by nohup, continues to ignore it.
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _interrupt)
+    # Not for the hooks of git, which are children of another process.
+    if parent := os.environ.pop(PARENT, None):
+        threading.Thread(target=_end_after, args=(int(parent),), daemon=True).start()
 
 
 def stop_listening() -> None:
@@ -38,3 +46,10 @@ def exit_code(error: KeyboardInterrupt) -> int:
 def _interrupt(number: int, _frame: FrameType | None) -> None:
     stop_listening()
     raise Interrupted(number)
+
+
+def _end_after(parent: int) -> None:
+    """End this process as SIGTERM does once its parent is gone, whose terminal may have been closed."""
+    while os.getppid() == parent:
+        time.sleep(1.0)
+    os.kill(os.getpid(), signal.SIGTERM)

@@ -132,6 +132,8 @@ class Job:
         environment = {"CALIBRARY_PROGRESS": "lines", "GIT_TERMINAL_PROMPT": "0", "PYTHONUTF8": "1"}
         # What is printed is shown while it runs.
         environment["PYTHONUNBUFFERED"] = "1"
+        if os.name != "nt":
+            environment["CALIBRARY_PARENT"] = str(os.getpid())
         with self._lock:
             self.progress = (0, 0, "watching" if "watch" in self.words[:2] else "starting")
             # -P: no module is taken from the folder that it works in.
