@@ -270,9 +270,23 @@ def check_all(
         *_not_files(snapshot.repo.listing(snapshot.commit, *FOLDERS, STATEMENTS, irregular=True)),
         *completed(found, files, files),
         *of_statements(snapshot),
+        *_on_no_entry(snapshot),
     )
     what = f"{count_of(len(files))} at {snapshot.commit[:12]}"
     return CheckDocument.of(what, len(files), findings, commit=snapshot.commit)
+
+
+def _on_no_entry(snapshot: Snapshot) -> Iterator[Finding]:
+    """Find rules of when to calibrate again that are on none of the entries."""
+    for rule in snapshot.configuration.repeat:
+        if not any(map(rule.is_on, snapshot.paths)):
+            yield Finding(
+                rule="configuration",
+                severity=Severity.WARNING,
+                place=CONFIGURATION_FILE,
+                message=f"repeat: no KEY begins with {rule.of}, so it says nothing",
+                remedy="write it as 'calibrary registry list' does",
+            )
 
 
 def _content_keys(

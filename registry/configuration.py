@@ -178,6 +178,10 @@ class Repeat(Record):
         if self.firmware is not None:
             compare(self.firmware, self.firmware)
 
+    def is_on(self, path: str) -> bool:
+        """Whether the entry at a path is one of those."""
+        return f"{id_of(path)}/".startswith(f"{self.of.lower().strip('/')}/")
+
 
 class Configuration(Record, tag_field="schema", tag="calibrary/registry-1"):
     """Configuration of a registry: its rules and its layout.
@@ -200,9 +204,8 @@ class Configuration(Record, tag_field="schema", tag="calibrary/registry-1"):
 
     def repeat_of(self, path: str, months: int) -> Repeat:
         """Return when the calibration at a path is to be made again; after so many months if nothing says otherwise."""
-        name = f"{id_of(path)}/"
-        fits = [one for one in self.repeat if name.startswith(f"{one.of.lower().strip('/')}/")]
-        rule = max(fits, key=lambda one: len(one.of), default=Repeat(of=name))
+        fits = [one for one in self.repeat if one.is_on(path)]
+        rule = max(fits, key=lambda one: len(one.of), default=Repeat(of=id_of(path)))
         return replace(rule, months=rule.months or months)
 
     @property

@@ -352,11 +352,11 @@ def _chosen(repo: Repository, paths: Collection[str], keys: Sequence[str]) -> se
     Raises:
         RegistryError: a KEY names none of them, or several.
     """
-    if "all" in keys:
-        return {*paths}
     used = {in_use_path(path): path for path in paths}
-    found = set[str]()
+    found = {*paths} if "all" in keys else set[str]()
     for key in keys:
+        if key == "all":
+            continue
         named = find_paths(paths, key)
         named = named or [used[path] for path in open_snapshot(repo.path).of_unit(used, key)]
         found.add(single_match(named, paths, key))

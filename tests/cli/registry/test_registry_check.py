@@ -34,6 +34,17 @@ def test_a_good_registry_is_good(fleet: Path, capsys: pytest.CaptureFixture[str]
     assert (document["verdict"], document["entries"], document["commit"]) == ("good", 2, commit)
 
 
+def test_a_rule_on_no_entry_is_a_warning(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    put(fleet, GOOD)
+    with (fleet / "registry.yaml").open("a") as rules:
+        rules.write("repeat: [{of: dji/fc63lOr, months: 12}, {of: dji, months: 18}]\n")
+    git(fleet, "commit", "-qam", "When to calibrate again")
+    code, out, err = run(capsys, "check")
+    assert code == 0
+    assert (out + err).count("repeat: no KEY begins with dji/fc63lOr, so it says nothing") == 1
+    assert "1 warning" in out
+
+
 @pytest.mark.usefixtures("fleet")
 def test_an_empty_registry_is_good(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(capsys, "check")[0] == 0

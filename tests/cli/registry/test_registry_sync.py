@@ -189,6 +189,8 @@ class TestBothChangedAnEntry:
         before = commit_of(twin)
         code, _, err = run(capsys, "pull", "--registry", twin, "--ours", "dji/fc330")
         assert (code, "no such" in err) == (4, True)
+        code, _, err = run(capsys, "pull", "--registry", twin, "--theirs", "all", "--theirs", "dji/fc63lOr")
+        assert (code, "no such" in err) == (4, True)
         code, _, err = run(capsys, "pull", "--registry", twin, "--ours", "all", "--theirs", "all")
         assert (code, "is named for both --ours and --theirs" in err) == (4, True)
         assert commit_of(twin) == before

@@ -66,7 +66,7 @@ repeat:
     [
         ("cameras/dji/fc6310r/5472x3648.yaml", Repeat(of="DJI/FC6310R/", months=24, firmware="01.02.0000")),
         ("cameras/dji/fc6310/5472x3648.yaml", Repeat(of="dji", months=18)),
-        ("cameras/sony/ilce-7rm4/9504x6336.yaml", Repeat(of="sony/ilce-7rm4/9504x6336/", months=24)),
+        ("cameras/sony/ilce-7rm4/9504x6336.yaml", Repeat(of="sony/ilce-7rm4/9504x6336", months=24)),
     ],
     ids=["the longest name counts", "of a maker", "as the command says"],
 )
