@@ -10,7 +10,7 @@ from msgspec import Struct
 from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calib.adjustment import Adjusted, adjust
 from calibrary.calib.network import LensT, Network, linearise
-from calibrary.quality import two_digits
+from calibrary.probability import two_digits
 from calibrary.records import replace
 
 NORMAL_MAD: Final = 1.4826

@@ -19,7 +19,7 @@ from calibrary.calib.variance_factor import SplitHalf
 from calibrary.calib.verdict import BoardVerdict, Evidence, Limits, Uses, uses_of
 from calibrary.calibration import Calibration, SourceFile
 from calibrary.policy import FLEET, Policy
-from calibrary.quality import two_digits
+from calibrary.probability import two_digits
 from calibrary.records import Meta, Record
 from calibrary.validation import Finding
 

@@ -16,7 +16,8 @@ from calibrary.calib.misfit import Misfit
 from calibrary.calib.model_choice import Candidate, WarpTest
 from calibrary.calibration import ImageSize
 from calibrary.policy import Policy
-from calibrary.quality import Proven, two_digits
+from calibrary.probability import two_digits
+from calibrary.quality import Proven
 from calibrary.records import Record
 from calibrary.validation import Finding, Severity
 

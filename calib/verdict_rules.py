@@ -11,7 +11,7 @@ from calibrary.calib.rejection import in_px
 from calibrary.calib.verdict import LIMITS, Evidence, Limits, whole_percent
 from calibrary.calibration import ImageSize
 from calibrary.policy import FLEET, Policy
-from calibrary.quality import two_digits
+from calibrary.probability import two_digits
 from calibrary.validation import Finding, Severity
 
 

@@ -32,8 +32,9 @@ from calibrary.image_size import ImageSize, same_aspect
 from calibrary.interop import colmap, opencv
 from calibrary.interop.notebook import html_table
 from calibrary.known_camera import CameraKey
+from calibrary.probability import two_digits
 from calibrary.provenance import Grade, Provenance, SourceFile, facts
-from calibrary.quality import Covariance, Quality, two_digits
+from calibrary.quality import Covariance, Quality
 from calibrary.records import Json, Meta, Record, force_setattr, from_json, replace, to_json
 
 __all__ = [

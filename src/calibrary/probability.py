@@ -1,6 +1,7 @@
 """Tail probabilities for significance tests: upper tails of χ² and F, both tails of the normal distribution.
 
-SciPy has the same functions, but would add 110 MB to every installation.
+How a standard deviation is written stands here too. SciPy has the same tails, but would add 110 MB to every
+installation.
 
 Sources: NIST Digital Library of Mathematical Functions, 8.11.4 and 8.9.2 (incomplete gamma function: series and
 continued fraction), 8.17.22 (incomplete beta function), 5.11.1 (Stirling's series); W. J. Lentz, "Generating Bessel
@@ -104,3 +105,12 @@ def _lentz(first: float, fraction: Callable[[int], tuple[float, float]]) -> floa
         if abs(above * below - 1) < 4 * EPSILON:
             break
     return 1 / value
+
+
+def two_digits(value: float) -> str:
+    """Return the value to two digits, and above 100 to the whole number; never as a power of ten.
+
+    >>> two_digits(0.0467), two_digits(4.0), two_digits(372.3)
+    ('0.047', '4', '372')
+    """
+    return f"{value:.2g}" if value < 99.5 else f"{value:.0f}"

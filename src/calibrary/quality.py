@@ -204,15 +204,6 @@ class Quality(Record):
         )
 
 
-def two_digits(value: float) -> str:
-    """Return the value to two digits, and above 100 to the whole number; never as a power of ten.
-
-    >>> two_digits(0.0467), two_digits(4.0), two_digits(372.3)
-    ('0.047', '4', '372')
-    """
-    return f"{value:.2g}" if value < 99.5 else f"{value:.0f}"
-
-
 def _diagonal(n: int) -> Iterator[int]:
     """Yield the positions of the diagonal elements in the upper triangle of an n × n matrix."""
     return accumulate(range(n, 1, -1), initial=0) if n else iter(())

@@ -10,7 +10,7 @@ from calibrary.cli.flags import add_flags, call
 from calibrary.cli.progress import Bar
 from calibrary.cli.tables import Column, fitted
 from calibrary.jobs.stamp import stamp
-from calibrary.quality import two_digits
+from calibrary.probability import two_digits
 
 if TYPE_CHECKING:
     from calibrary.cli.console import Screen

@@ -11,7 +11,7 @@ from calibrary.cli.commands import add_json_flag, print_json
 from calibrary.cli.flags import add_flags, call
 from calibrary.cli.progress import Bar
 from calibrary.jobs.combine import combine
-from calibrary.quality import two_digits
+from calibrary.probability import two_digits
 
 if TYPE_CHECKING:
     from calibrary.jobs.combine.report import CombinationReport

@@ -15,7 +15,7 @@ from calibrary.cli.commands import print_json
 from calibrary.cli.console import note, plain, printable
 from calibrary.cli.registry.changes import screen_of_change
 from calibrary.cli.tables import Column, facts, fitted
-from calibrary.quality import two_digits
+from calibrary.probability import two_digits
 
 if TYPE_CHECKING:
     from calibrary.cli.console import Screen

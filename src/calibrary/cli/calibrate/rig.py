@@ -12,7 +12,7 @@ from calibrary.cli.commands import add_json_flag, print_json
 from calibrary.cli.flags import add_flags, call
 from calibrary.cli.progress import Bar
 from calibrary.jobs.calibrate_rig import calibrate_rig
-from calibrary.quality import two_digits
+from calibrary.probability import two_digits
 
 if TYPE_CHECKING:
     from rich.text import Text

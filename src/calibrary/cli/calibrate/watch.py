@@ -75,7 +75,7 @@ def _show(screen: Screen, status: WatchStatus) -> None:
     for reason in status.missing[:3]:
         screen.say(f"  [yellow]missing[/]  {plain(reason)}")
     if status.next is not None:
-        from calibrary.quality import two_digits
+        from calibrary.probability import two_digits
 
         screen.say(
             f"  [bold]next[/]  {plain(str(status.next))}: the largest σ over the frame is then expected at "

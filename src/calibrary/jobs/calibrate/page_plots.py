@@ -33,7 +33,7 @@ from calibrary.pages.plots import (
     vector_field,
 )
 from calibrary.pages.plots.canvas import draw, frame_axes, number
-from calibrary.quality import two_digits
+from calibrary.probability import two_digits
 from calibrary.sfm.tracks import upward
 
 if TYPE_CHECKING:

@@ -29,8 +29,8 @@ from calibrary.pages.palette import Colour
 from calibrary.pages.plots import Axis, bars
 from calibrary.pages.plots.canvas import draw
 from calibrary.parsers.rigs.micasense import relatives_of
+from calibrary.probability import two_digits
 from calibrary.provenance import facts
-from calibrary.quality import two_digits
 from calibrary.validation import Severity
 
 if TYPE_CHECKING:

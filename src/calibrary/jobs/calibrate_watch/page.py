@@ -25,7 +25,7 @@ from calibrary.pages import (
     render_page,
 )
 from calibrary.pages.plots import Axis, heat_map
-from calibrary.quality import two_digits
+from calibrary.probability import two_digits
 
 REFRESH_S = 2
 BADGES = {

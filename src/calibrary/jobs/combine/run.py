@@ -31,8 +31,8 @@ from calibrary.jobs.combine.report import CombinationReport, CombinedSource
 from calibrary.jobs.combine.sources import Source
 from calibrary.jobs.diff.common_numbers import common_numbers
 from calibrary.policy import FLEET
+from calibrary.probability import two_digits
 from calibrary.provenance import HOW_MADE
-from calibrary.quality import two_digits
 from calibrary.records import replace
 from calibrary.sfm.assessment import flight_result
 from calibrary.sfm.combination import (

@@ -45,7 +45,7 @@ from calibrary.jobs.diff.numbers import Numbers
 from calibrary.jobs.diff.uncertainty import PRIORS, std_of
 from calibrary.jobs.diff.verdicts import Kind, Structural
 from calibrary.jobs.diff.wording import frame_size, listed, pixels
-from calibrary.quality import two_digits
+from calibrary.probability import two_digits
 
 SAME_RATIO = 0.01
 """Relative tolerance between a ratio of focal lengths and a ratio of image sides, if both are exact."""

@@ -48,7 +48,7 @@ from calibrary.parsers.discovery import format_named
 from calibrary.parsers.fit import DEFAULT_MAX_ERROR_PX, adapt, compare, refit
 from calibrary.parsers.format import FREE_LENS, UNKNOWN_LENS, Fidelity, Fit, in_words
 from calibrary.parsers.opensfm_models import opensfm_camera
-from calibrary.quality import two_digits
+from calibrary.probability import two_digits
 from calibrary.records import encoded, replace
 
 OPENSFM_MODELS: Final = "camera_models_overrides.json"

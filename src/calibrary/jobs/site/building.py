@@ -33,7 +33,7 @@ from calibrary.jobs.site.labels import LABELS, Label, sheet
 from calibrary.pages import Badge, Cell, Column, Link, Note, Page, Section, Table, Tone, render_page
 from calibrary.pages.wording import count, stds_of
 from calibrary.policy import Policy
-from calibrary.quality import two_digits
+from calibrary.probability import two_digits
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import parse_entry

@@ -15,7 +15,8 @@ from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import NoDistortion
 from calibrary.errors import CalibrationError
 from calibrary.policy import Policy
-from calibrary.quality import Proven, two_digits
+from calibrary.probability import two_digits
+from calibrary.quality import Proven
 from calibrary.records import Record
 
 MEASURED = frozenset({Grade.CALIBRATED, Grade.ADJUSTED})
