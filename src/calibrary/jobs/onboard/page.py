@@ -88,10 +88,10 @@ def onboard_page(done: OnboardReport) -> Page:
             Badge("draft proposed", Tone.GOOD),
             "A draft is on a branch, awaiting approval.",
         )
-    elif any(one.decision is Decision.READY for one in done.cameras):
+    elif ready := sum(one.decision is Decision.READY for one in done.cameras):
         badge, lead = (
             Badge("ready, not written", Tone.CAUTION),
-            f"{count(len(done.drafts), 'draft')} could be proposed; nothing is written into the registry.",
+            f"{count(ready, 'draft')} could be proposed; nothing is written into the registry.",
         )
     else:
         badge, lead = (
