@@ -39,6 +39,8 @@ EMPTY_TREE = "4b825dc642cb6eb9a060e54bf8d69288fbee4904"
 UPDATE_NOTE = "calibrary-sync"
 OWN_INDEX = "calibrary-index"
 MOST_VERSIONS: Final = 50
+LATE_GIT_S: Final = 60.0
+"""How far from the time of its note a killed writer, or its git, may have written files."""
 LONGEST_UPDATE_NOTE = 1000
 MOST_PATHSPECS = 200
 MOST_LOOKED_AT = 20
@@ -777,17 +779,29 @@ def _enter_written(repo: Repository, old: str, new: str) -> None:
     """Enter in the index those files that a killed writer has brought up to date, which git would take for edits.
 
     Those that it left half are removed, so that git writes them again, and so are older versions: the git of a killed
-    writer may go on after the next one has begun. What is removed is in the repository.
+    writer may go on after the next one has begun. What is removed is in the repository. What was staged or changed
+    later is a person's, who may have put an older version back.
     """
     differing = repo.difference(None if old == EMPTY_TREE else old, new)
     there = [one for one in differing if (repo.path / one[0]).is_file()]
     asked = "".join(f"{path}\n" for path, _, _ in there).encode("utf-8", "surrogateescape")
     hashed = repo.run("hash-object", "--stdin-paths", stdin=asked).out.decode().split()
+    staged = repo.run("diff-index", "--cached", "--name-only", "--no-renames", "-z", old).out.split(b"\0")
+    noted = (repo.git_dir / UPDATE_NOTE).stat().st_mtime
     lines = []
     for (path, before, after), has in zip(there, hashed, strict=True):
         if after is not None and has == after[1]:
             lines.append(f"{after[0].decode()} {has}\t{path}\n")
-        elif (before is None or has != before[1]) and _is_left_over(repo, path, has, (old, new)):
+        elif before is not None and has == before[1]:
+            continue
+        elif (
+            os.fsencode(path) not in staged
+            and abs((repo.path / path).stat().st_mtime - noted) <= LATE_GIT_S
+            and _is_left_over(repo, path, has, (old, new))
+        ):
+            log.warning(
+                "%s: %s: left half or older by a command that was killed; written again", repo.path, path
+            )
             (repo.path / path).unlink()
     gone = [path for path, _, after in differing if not after and not os.path.lexists(repo.path / path)]
     lines += [f"0 {'0' * 40}\t{path}\n" for path in gone]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -169,6 +170,28 @@ def test_a_file_that_a_killed_writer_or_its_git_left_half_or_older_is_written_ag
     put(checked_out, {OTHER: b"next\n"})
     assert (checked_out.path / ENTRY).read_bytes() == b"fx: 2.0\n"
     assert git(checked_out.path, "status", "--porcelain") == ""
+
+
+@pytest.mark.parametrize("how", ["changed later", "after a reset", "staged"])
+def test_an_older_version_that_a_person_put_back_after_a_kill_is_not_overwritten(
+    checked_out: Repository, how: str
+) -> None:
+    for data in (b"fx: 0.5\n", b"fx: 1.0\n"):
+        put(checked_out, {ENTRY: data})
+    killed_between_commit_and_files(checked_out)
+    if how == "after a reset":
+        git(checked_out.path, "reset", "--hard")
+    entry = checked_out.path / ENTRY
+    entry.write_bytes(b"fx: 0.5\n")
+    match how:
+        case "changed later":
+            later = entry.stat().st_mtime + 2 * writing.LATE_GIT_S
+            os.utime(entry, (later, later))
+        case "staged":
+            git(checked_out.path, "add", ENTRY)
+    with suppress(RegistryError):
+        put(checked_out, {OTHER: b"next\n"})
+    assert entry.read_bytes() == b"fx: 0.5\n"
 
 
 def test_a_branch_that_another_work_tree_shows_is_written_there_only(
