@@ -79,7 +79,16 @@ def test_a_label_says_the_name_the_hash_of_the_serial_number_and_the_entry(site:
 
 
 @pytest.mark.parametrize(
-    "address", ["cameras.example.com", "https://a b/", "https://h/?t=1", f"https://{'h' * 300}"]
+    "address",
+    [
+        "cameras.example.com",
+        "https://a b/",
+        "https://h/?t=1",
+        "https:////",
+        "https://ada:word@h/",
+        "https://h/\u202e",
+        f"https://{'h' * 300}",
+    ],
 )
 def test_an_address_that_is_none_or_too_long_for_a_label_is_refused(address: str) -> None:
     with pytest.raises(InputError, match="where the pages are served"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from html import escape
 from urllib.parse import quote
@@ -11,7 +12,8 @@ from msgspec import Struct
 from calibrary.errors import InputError
 
 LABELS = "labels.html"
-
+PRINTABLE = re.compile(r"https?://[A-Za-z0-9.:\[\]-]+(?:/[!$-.0->@-\[\]-~/]*)?")
+"""An address of visible ASCII, with a host, and without a password, a query or a fragment."""
 LONGEST_ADDRESS = 300
 """Longer ones would make codes that a telephone does not read from a small label."""
 QUIET = 4
@@ -68,8 +70,7 @@ def check_address(address: str) -> str:
     Raises:
         InputError: it is not one, or too long.
     """
-    is_address = address.startswith(("https://", "http://")) and not set(address) & set(' \t\n"?#\\')
-    if not is_address or len(address) > LONGEST_ADDRESS:
+    if not PRINTABLE.fullmatch(address) or len(address) > LONGEST_ADDRESS:
         raise InputError(
             f"expected where the pages are served, as https://HOST/PATH/, in at most {LONGEST_ADDRESS} characters",
             source=address,
