@@ -16,7 +16,7 @@ from calibrary import errors
 from calibrary.errors import InputError, RegistryError
 from calibrary.policy import Policy
 from calibrary.records import Meta, Record, replace
-from calibrary.registry.configuration import TO_MIGRATE, configuration_at
+from calibrary.registry.configuration import TO_MIGRATE, Configuration, configuration_at
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_checks import Checked, Judge, check, check_order, finding_of, in_order
 from calibrary.registry.entry_yaml import parse_entry
@@ -270,16 +270,16 @@ def check_all(
         *_not_files(snapshot.repo.listing(snapshot.commit, *FOLDERS, STATEMENTS, irregular=True)),
         *completed(found, files, files),
         *of_statements(snapshot),
-        *_on_no_entry(snapshot),
+        *_on_no_entry(snapshot.configuration, snapshot.paths),
     )
     what = f"{count_of(len(files))} at {snapshot.commit[:12]}"
     return CheckDocument.of(what, len(files), findings, commit=snapshot.commit)
 
 
-def _on_no_entry(snapshot: Snapshot) -> Iterator[Finding]:
+def _on_no_entry(rules: Configuration, paths: Collection[str]) -> Iterator[Finding]:
     """Find rules of when to calibrate again that are on none of the entries."""
-    for rule in snapshot.configuration.repeat:
-        if not any(map(rule.is_on, snapshot.paths)):
+    for rule in rules.repeat:
+        if not any(map(rule.is_on, paths)):
             yield Finding(
                 rule="configuration",
                 severity=Severity.WARNING,
@@ -328,13 +328,17 @@ def check_work_tree(
         if snapshot.repo.work_tree is None:
             raise RegistryError(f"{snapshot.place}: a bare repository has no work tree; leave out --worktree")
         root = snapshot.repo.work_tree
+    paths = [*entry_paths(root)]
     files = EntryFiles(
-        [*entry_paths(root), *proposal_paths(root)],
+        [*paths, *proposal_paths(root)],
         lambda names: (read_entry_file(root, name) for name in names),
         progress,
     )
-    found = completed(check(files, policy or snapshot.configuration.policy, judge=judge), files, files)
-    return CheckDocument.of(f"{count_of(len(files))} in the folder", len(files), found)
+    findings = (
+        *completed(check(files, policy or snapshot.configuration.policy, judge=judge), files, files),
+        *_on_no_entry(snapshot.configuration, paths),
+    )
+    return CheckDocument.of(f"{count_of(len(files))} in the folder", len(files), findings)
 
 
 def _not_files(paths: Iterable[str]) -> Iterator[Finding]:

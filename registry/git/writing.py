@@ -39,6 +39,7 @@ EMPTY_TREE = "4b825dc642cb6eb9a060e54bf8d69288fbee4904"
 UPDATE_NOTE = "calibrary-sync"
 OWN_INDEX = "calibrary-index"
 MOST_VERSIONS: Final = 50
+"""Of a file, the last ones, of which a late git may have written one."""
 LATE_GIT_S: Final = 60.0
 """How far from the time of its note a killed writer, or its git, may have written files."""
 LONGEST_UPDATE_NOTE = 1000

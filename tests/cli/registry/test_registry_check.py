@@ -43,6 +43,7 @@ def test_a_rule_on_no_entry_is_a_warning(fleet: Path, capsys: pytest.CaptureFixt
     assert code == 0
     assert (out + err).count("repeat: no KEY begins with dji/fc63lOr, so it says nothing") == 1
     assert "1 warning" in out
+    assert "repeat: no KEY begins with dji/fc63lOr" in "".join(run(capsys, "check", "--worktree")[1:])
 
 
 @pytest.mark.usefixtures("fleet")
