@@ -17,22 +17,6 @@ from collections.abc import Callable, Mapping
 from statistics import median
 from typing import NamedTuple
 
-__all__ = [
-    "SEPARATOR",
-    "Cost",
-    "Row",
-    "at_least",
-    "at_most",
-    "compared",
-    "cost_of",
-    "in_turns",
-    "interleaved",
-    "machine",
-    "ratio",
-    "row",
-    "show",
-]
-
 SEPARATOR = " | "
 
 

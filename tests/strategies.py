@@ -12,17 +12,6 @@ from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intr
 from calibrary.distortion import BrownConrady, Distortion
 from tests.core.lens_models import LENS_MODELS, terms
 
-__all__ = [
-    "DISTORTIONS",
-    "any_distortions",
-    "brown",
-    "calibration",
-    "cameras",
-    "grid",
-    "image_sizes",
-    "perspective_distortions",
-]
-
 
 def calibration(intrinsics: Intrinsics, distortion: Distortion | None) -> Calibration:
     """A calibration with nothing to it but its geometry."""

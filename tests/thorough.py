@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 
-__all__ = ["THOROUGH", "examples"]
-
 THOROUGH = os.environ.get("HYPOTHESIS_PROFILE") == "thorough"
 
 

@@ -6,8 +6,6 @@ import sys
 from collections.abc import Callable
 from types import FrameType
 
-__all__ = ["calls"]
-
 
 def calls(work: Callable[[], object]) -> int:
     """How many functions, of Python's and of C's, are called while ``work`` runs, whether or not it raises."""

@@ -28,27 +28,6 @@ if TYPE_CHECKING:
 else:
     FileOrCalibration = str | Path  # the class loads NumPy, and a flag never gives one
 
-__all__ = [
-    "CalibrationLike",
-    "CameraLike",
-    "Day",
-    "Edge",
-    "File",
-    "Folder",
-    "FormatName",
-    "LensModel",
-    "Place",
-    "PolicyLike",
-    "Reading",
-    "Sides",
-    "Stated",
-    "Terms",
-    "Text",
-    "Workers",
-    "overlay",
-    "paths",
-]
-
 Day: TypeAlias = date
 File: TypeAlias = Annotated[str | Path, Meta(title="FILE")]
 Folder: TypeAlias = Annotated[str | Path, Meta(title="DIR")]

@@ -21,8 +21,6 @@ from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, picture
 from tests.jobs.onboard.payloads import survey
 from tests.pages.sketches import sketched
 
-__all__ = ["COMMANDS", "Printed", "furnish", "printed", "terminal", "typed", "unstyled"]
-
 KEY = "--make DJI --model FC6310R"
 COMMANDS: dict[str, tuple[int, str]] = {
     "registry init new/fleet --yes": (0, "registry.yaml"),

@@ -42,8 +42,6 @@ from calibrary.distortion import (
     Unified,
 )
 
-__all__ = ["LENS_MODELS", "LensModel", "evenly", "splined_lens", "terms"]
-
 Formula: TypeAlias = Callable[[SimpleNamespace, FloatArray], FloatArray]
 
 

@@ -17,8 +17,6 @@ from pathlib import Path
 from calibrary.cli.main import main
 from tests.pages.sketches import sketched
 
-__all__ = ["ELISION", "Block", "Desk", "blocks", "matches"]
-
 ELISION = "…"
 """Alone on a line it stands for any number of lines, within a line for any text."""
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from calibrary.evidence.context import Source, SourceEstimate
 from calibrary.evidence.weighing import Evidence
 
-__all__ = ["estimate"]
-
 
 def estimate(evidence: Evidence, source: Source) -> SourceEstimate:
     return next(w for w in evidence.estimates if w.source is source)

@@ -29,6 +29,23 @@ def roots_loaded_by(code: str) -> set[str]:
     return set(json.loads(done.stdout))
 
 
+def own_names_listed(source: str) -> bool:
+    """Whether a module has a list of names that it declares itself, all of them."""
+    body = ast.parse(source).body if "\n__all__" in source else []
+    listed = [
+        node.value
+        for node in body
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__"
+    ]
+    brought = {
+        alias.asname or alias.name
+        for node in body
+        if isinstance(node, ast.Import | ast.ImportFrom)
+        for alias in node.names
+    }
+    return any(brought.isdisjoint(ast.literal_eval(names)) for names in listed)
+
+
 def bare_room_imports(source: str) -> list[str]:
     """Absolute imports that begin at a room instead of at ``calibrary``."""
     names: list[str] = []
@@ -40,6 +57,16 @@ def bare_room_imports(source: str) -> list[str]:
         elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
             names.append(node.module)
     return [name for name in names if name.partition(".")[0] in ROOMS]
+
+
+def test_no_module_lists_its_own_names_again() -> None:
+    again = [
+        str(path.relative_to(ROOT))
+        for path in python_files()
+        if path.name != "__init__.py" and own_names_listed(path.read_text(encoding="utf-8"))
+    ]
+    assert again == []
+    assert own_names_listed('"""A module."""\n\n__all__ = ["f"]\n\n\ndef f() -> None: ...\n')
 
 
 def test_importing_calibrary_loads_nothing_heavy() -> None:

@@ -24,8 +24,6 @@ from tests.imagery.structure import (
     encode,
 )
 
-__all__ = ["TAGS", "Directory", "ExifField", "ExifTags", "GpsPosition", "Tag"]
-
 
 class Directory(Enum):
     """Where a tag lives."""

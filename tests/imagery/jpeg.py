@@ -21,18 +21,6 @@ from calibrary.synthetic import jpeg
 from tests.imagery.exif import ExifTags
 from tests.imagery.xmp import XmpPacket
 
-__all__ = [
-    "JFIF",
-    "Segment",
-    "assemble",
-    "exif_segment",
-    "flat_scan",
-    "icc_segments",
-    "pixel_scan",
-    "write_jpeg",
-    "xmp_segments",
-]
-
 _SOI, _EOI = b"\xff\xd8", b"\xff\xd9"
 _MAX_PAYLOAD = 65533
 """A segment's length is two bytes that count themselves (T.81, B.1.1.4)."""

@@ -8,8 +8,6 @@ from pathlib import Path
 
 from calibrary.calibration import ImageSize
 
-__all__ = ["write_png"]
-
 
 def write_png(path: Path, size: ImageSize) -> Path:
     """Write a black 8-bit grey PNG without EXIF and without XMP.

@@ -16,8 +16,6 @@ from typing import TypeAlias
 
 from calibrary.errors import InputError
 
-__all__ = ["ByteOrder", "Chunks", "Field", "FieldType", "FieldValues", "Ifd", "Rational", "encode"]
-
 Rational: TypeAlias = tuple[int, int]
 """(numerator, denominator) as stored, so that 0/0 and n/0 can be said."""
 FieldValues: TypeAlias = str | bytes | tuple[int, ...] | tuple[float, ...] | tuple[Rational, ...]

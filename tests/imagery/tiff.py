@@ -21,8 +21,6 @@ from tests.imagery.exif import ExifTags
 from tests.imagery.structure import ByteOrder, Chunks, Field, FieldType, Ifd, encode
 from tests.imagery.xmp import XmpPacket, escaped
 
-__all__ = ["TiffPage", "encode_tiff", "write_tiff"]
-
 _XMP_TAG, _GDAL_METADATA_TAG = 0x02BC, 0xA480
 _TILE = 256
 _STRIP_BYTES = 65_536

@@ -16,33 +16,6 @@ from typing import TypeAlias
 
 from calibrary.errors import InputError
 
-__all__ = [
-    "CAMERA_RAW",
-    "DC",
-    "DLS",
-    "DRONE_DJI",
-    "DRONE_SKYDIO",
-    "EXIF",
-    "MICASENSE",
-    "PIX4D_1",
-    "PIX4D_CAMERA",
-    "PIX4D_CAMERA_SLASH",
-    "TIFF",
-    "XMP",
-    "ListKind",
-    "Namespace",
-    "StructForm",
-    "XmpDescription",
-    "XmpItem",
-    "XmpList",
-    "XmpPacket",
-    "XmpStruct",
-    "XmpText",
-    "attributes",
-    "elements",
-    "escaped",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class Namespace:

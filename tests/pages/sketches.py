@@ -8,8 +8,6 @@ from typing import TextIO
 
 import pytest
 
-__all__ = ["sketched"]
-
 
 @contextmanager
 def sketched() -> Iterator[None]:

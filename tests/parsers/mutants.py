@@ -22,8 +22,6 @@ from calibrary.records import Json
 from tests.parsers.cameras import SIZE
 from tests.parsers.test_contract import FILES, sample
 
-__all__ = ["LOST", "mutated"]
-
 LOST = "LOST"
 Mutant = tuple[str, bytes]
 

@@ -10,8 +10,6 @@ import numpy as np
 from calibrary.calibration import Calibration
 from calibrary.distortion import KannalaBrandt
 
-__all__ = ["assert_projects_as_opencv"]
-
 
 def assert_projects_as_opencv(
     item: Calibration, K: Sequence[float], D: Sequence[float], *, fisheye: bool = False

@@ -30,8 +30,6 @@ from calibrary.registry.registry import Registry
 from calibrary.registry.stating import Act, stated
 from tests.strategies import any_distortions, image_sizes
 
-__all__ = ["DIGITS", "FILE", "KEY", "an_entry", "covariance", "entries", "put_entries", "texts"]
-
 DIGITS = "5c" * 32
 KEY = CameraKey(make="DJI", model="FC6310R", focal_mm=8.8, image_size=(5472, 3648))
 FILE = Provenance(kind="calibration-file", source="lab.xml", sha256=DIGITS, date="2026-02-03", tool="lab 3.1")

@@ -11,8 +11,6 @@ import pytest
 from tests.cli.registry.fleets import add, held, printed
 from tests.jobs.extract.fleet import picture
 
-__all__ = ["FLEW", "PHANTOM", "TODAY", "approved", "audited", "flight", "phantom", "rules"]
-
 TODAY = date.today().isoformat()
 OWN = "2019-03-05;3660.5,3660.5,-4.5,7.25,-0.1,0.0,0.0,0.001,0.0"
 """The K of :func:`tests.cli.registry.fleets.xml`, as a Phantom writes it."""

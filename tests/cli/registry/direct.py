@@ -11,8 +11,6 @@ from calibrary.registry.proposals import note_of
 from calibrary.registry.registry import Registry
 from tests.registry.entries import put_entries
 
-__all__ = ["put", "put_bytes"]
-
 
 def put(place: Path, *entries: Entry, subject: str = "Put it there") -> str:
     """Write entries over the current ones; the commit."""

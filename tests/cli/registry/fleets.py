@@ -13,8 +13,6 @@ from calibrary.registry.registry import Registry
 from calibrary.registry.snapshot import StoredEntry
 from calibrary.schemas import require
 
-__all__ = ["CAMERA", "P4R", "add", "commit_of", "held", "looked_at", "printed", "run", "xml"]
-
 P4R = "dji/fc6310r/5472x3648"
 CAMERA = ("--make", "DJI", "--model", "FC6310R")
 

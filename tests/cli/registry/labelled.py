@@ -16,8 +16,6 @@ from tests.cli.registry.direct import put
 from tests.registry.entries import FILE, an_entry
 from tests.registry.git.repositories import seclude
 
-__all__ = ["LABELS", "SERIALS", "a_unit", "labelled", "six"]
-
 SERIALS = [f"0V2LG3H0{number}" for number in range(6)]
 LABELS = [f"P4R-{number:02}" for number in range(1, 7)]
 

@@ -37,8 +37,6 @@ from calibrary.parsers.fit import refit
 from calibrary.parsers.format import Format
 from calibrary.records import replace
 
-__all__ = ["CHANGES", "Change", "Row", "lenses", "rows", "without"]
-
 IDENTICAL, NOISE, NEGLIGIBLE, UNRESOLVED, DRIFT, STRUCTURAL = ChangeVerdict
 Sides: TypeAlias = "tuple[Calibration, Calibration] | None"
 

@@ -39,8 +39,6 @@ from tests.jobs.diff.made import (
     turned_180,
 )
 
-__all__ = ["PAIRS", "Pair"]
-
 IDENTICAL, NOISE, NEGLIGIBLE, UNRESOLVED, DRIFT, STRUCTURAL = ChangeVerdict
 
 

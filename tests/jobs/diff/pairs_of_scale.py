@@ -12,8 +12,6 @@ from tests.jobs.diff.cameras import LENS, camera, changed
 from tests.jobs.diff.made import H, W, focal, graded, lens, measured
 from tests.jobs.diff.pairs import DRIFT, IDENTICAL, Pair, kind_of
 
-__all__ = ["PAIRS_OF_SCALE"]
-
 
 def other_sizes() -> Iterator[Pair]:
     a = camera()

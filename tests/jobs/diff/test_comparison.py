@@ -19,8 +19,6 @@ from calibrary.records import replace
 from tests.jobs.diff.cameras import LENS, camera, changed
 from tests.jobs.diff.made import NAMES, STD, as_rational, drawn, lens, on, silent
 
-__all__ = ["between", "measured", "with_focal"]
-
 
 def measured(calibration: Calibration, kappa2: float | None = None) -> Calibration:
     correlation = np.eye(9)

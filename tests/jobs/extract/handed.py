@@ -21,22 +21,6 @@ from calibrary.jobs.extract.hand_off import HandedCamera, hand_off
 from calibrary.jobs.weigh.use import Allowed, Use
 from calibrary.records import replace
 
-__all__ = [
-    "ANGLES",
-    "BROWN",
-    "BROWN_5",
-    "FISHEYE",
-    "POINTS",
-    "RATIONAL",
-    "SIZE",
-    "Json",
-    "assert_same_px",
-    "calibrated",
-    "candidate",
-    "document",
-    "opensfm_sees",
-]
-
 SIZE = (5472, 3648)
 BROWN = BrownConrady(k1=-0.031, k2=0.012, p1=0.0008, p2=-0.0004)
 BROWN_5 = replace(BROWN, k3=-0.0034)

@@ -21,8 +21,6 @@ from calibrary.jobs.extract.run import run
 from calibrary.validation import Verdict
 from tests.imagery import ExifTags, write_jpeg
 
-__all__ = ["TABLE", "Figures", "Judged", "all_judged", "figures", "read_table"]
-
 TABLE = Path(__file__).with_name("tags_of_real_images.csv")
 SMALLEST_SIDE = 500
 """px of the longer side; below it is a thumbnail."""

@@ -16,8 +16,6 @@ from http import HTTPStatus
 from http.client import HTTPConnection
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
-__all__ = ["Site", "moto", "site"]
-
 
 @dataclass(slots=True)
 class Site:

@@ -13,8 +13,6 @@ from calibrary.schemas import require
 from tests.cli.registry.fleets import xml
 from tests.jobs.extract.fleet import DEWARP, picture
 
-__all__ = ["PHANTOM", "SURVEY", "document", "onboard", "phantom", "survey"]
-
 SURVEY: dict[str, Any] = {
     "make": "Example",
     "model": "Survey One",

@@ -12,8 +12,6 @@ from calibrary import parsers
 from calibrary.calibration import Calibration
 from tests.parsers.cameras import SIZE
 
-__all__ = ["FOCAL", "LENS", "PEER_MODELS", "WITH_K", "Array", "peer", "rays", "read"]
-
 Array = NDArray[np.float64]
 PEER_MODELS = [name for name in pycolmap.CameraModelId.__members__ if name != "INVALID"]
 WITH_K = [name for name in PEER_MODELS if name != "EQUIRECTANGULAR"]

@@ -11,8 +11,6 @@ import numpy as np
 from calibrary import parsers
 from calibrary.calibration import Calibration
 
-__all__ = ["D14", "K_CV", "READ", "SYNTAXES", "WRITE", "YAML", "by_opencv", "read"]
-
 K_CV = np.array([[3650.1234, 0.0, 2745.31], [0.0, 3648.7651, 1819.87], [0.0, 0.0, 1.0]])
 D14 = (
     -0.0125,

@@ -12,8 +12,6 @@ from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
-__all__ = ["backend", "is_here", "serving_git"]
-
 
 def backend() -> Path:
     """The program that comes with git."""
