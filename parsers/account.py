@@ -10,7 +10,7 @@ OpenCV, npz and MATLAB files, XML, lines of keys and values. It collects the sta
 *   an unused short key beside coefficients that were used (a misspelt ``k3``).
 
 A statement is used if changing it changes what is read. Most are used in the obvious way, their numbers being those of
-the result; only for the others is the changed document read again. If one is not used, the distortion of the cameras
+the result, or their text the name of its lens; only for the others is the changed document read again. If one is not used, the distortion of the cameras
 without a lens becomes unknown, never none, and a note names the key; a file with a lens is refused, because its lens
 would not be the one that the file states.
 """
@@ -27,7 +27,7 @@ import numpy as np
 from msgspec import Struct
 
 from calibrary.calibration import Calibration
-from calibrary.distortion import NoDistortion
+from calibrary.distortion import BrownConrady, KannalaBrandt, NoDistortion
 from calibrary.errors import InputError, ParseError
 from calibrary.parsers import text as strict
 from calibrary.parsers.document import Documents, Node, keeping
@@ -102,6 +102,11 @@ _MODEL = re.compile(
     r"|ocam|division|\bfov\b|double.?sphere|\beucm\b|full.?opencv|taylor",
     re.IGNORECASE,
 )
+_NAMES: dict[type, re.Pattern[str]] = {
+    BrownConrady: re.compile(r"rad.?tan|plumb|brown", re.IGNORECASE),
+    KannalaBrandt: re.compile(r"equidist|kannala|kb\d?", re.IGNORECASE),
+}
+"""Of the names above those that no other lens has."""
 
 
 class _Slot(Struct, frozen=True):
@@ -133,10 +138,10 @@ class _Slot(Struct, frozen=True):
         else:
             holder.set(self.key, raw)
 
-    def holds_one_of(self, numbers: set[float]) -> bool:
-        """Whether the number there is one of these, but for its sign."""
+    def holds_one_of(self, known: set[float | str]) -> bool:
+        """Whether what is there is one of these, but for a number's sign."""
         value = self.value
-        return isinstance(value, float) and abs(value) in numbers
+        return (value if isinstance(value, str) else abs(value)) in known
 
     def change(self) -> None:
         """Change the number or the text."""
@@ -289,22 +294,27 @@ class Account:
         return list(found.values()) or ([_Lines(self._data)] if self._is_text else [])
 
 
-def _explained(cameras: Sequence[Calibration], groups: Iterable[Sequence[Statement]]) -> set[float]:
-    """Magnitudes that are numbers of K or coefficients of the cameras at least as often as the file states them."""
+def _explained(
+    cameras: Sequence[Calibration], groups: Iterable[Sequence[Statement]]
+) -> set[float | str]:
+    """Magnitudes that are numbers of K or coefficients of the cameras at least as often as the file states them.
+
+    Beside them texts that name the lens of all the cameras, and no other.
+    """
     read = Counter(
         abs(value) for item in cameras if item.distortion for value in item.distortion.coefficients.values()
     )
     for item in cameras:
         K = item.intrinsics
         read.update({K.fx, K.fy, K.cx, K.cy, K.cx - 0.5, K.cy - 0.5})
-    stated = Counter(
-        abs(value)
-        for statements in groups
-        for one in statements
-        for slot in one.slots
-        if isinstance(value := slot.value, float)
-    )
-    return {value for value, count in read.items() if stated[value] <= count}
+    values = [slot.value for statements in groups for one in statements for slot in one.slots]
+    stated = Counter(abs(value) for value in values if isinstance(value, float))
+    known: set[float | str] = {value for value, count in read.items() if stated[value] <= count}
+    kinds: set[type] = {type(item.distortion) for item in cameras}
+    if len(kinds) == 1 and (name := _NAMES.get(kinds.pop())):
+        texts = {value: _MODEL.findall(value) for value in values if isinstance(value, str)}
+        known |= {text for text, named in texts.items() if named and all(map(name.fullmatch, named))}
+    return known
 
 
 def _numbers_of(item: Calibration) -> Calibration:

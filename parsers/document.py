@@ -28,6 +28,7 @@ T = TypeVar("T")
 Documents: TypeAlias = dict[tuple[str, bytes], Any]
 """Documents that a reading loads, by the name of the loader and the bytes; what each is, its loader knows."""
 
+_NUMBERS = (float, int)
 _KEPT: ContextVar[Documents | None] = ContextVar("_KEPT", default=None)
 
 
@@ -173,6 +174,8 @@ class Node(Struct, frozen=True, eq=False):
         """
         if isinstance(self.value, list):
             strict.check_count(len(self.value), count, source=self.source, place=self.place)
+            if all(type(item) in _NUMBERS and -1e300 < item < 1e300 for item in self.value):
+                return tuple(map(float, self.value))  # the same as below, without a Node for each
         return tuple(item.number() for item in self.items())
 
     def matrix(self, rows: int, columns: int) -> tuple[tuple[float, ...], ...]:

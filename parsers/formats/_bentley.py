@@ -27,6 +27,7 @@ CONVENTION = Convention(
 )
 AGREEMENT = 1e-4
 """Relative tolerance between two values of one focal length, for rounding."""
+GROUPS = frozenset(("ImageDimensions", "PrincipalPoint", "Distortion"))
 SQUARE_PIXELS = "AspectRatio was read as fy / fx, which Bentley does not say"
 
 
@@ -61,19 +62,24 @@ def perspective_camera(element: _Element, context: ReadContext) -> PerspectiveCa
 
 
 class _Fields:
-    """Access to the children of an element by path."""
+    """Access to the texts of an element's children, and of theirs in the groups of numbers, by path."""
 
     def __init__(self, element: _Element) -> None:
-        self.element = element
+        self.texts: dict[str, list[str]] = {}
+        for child in element:
+            tag = str(child.tag)
+            self.texts.setdefault(tag, []).append(child.text or "")
+            for inner in child if tag in GROUPS else ():
+                self.texts.setdefault(f"{tag}/{inner.tag}", []).append(inner.text or "")
 
     def __contains__(self, path: str) -> bool:
-        return self.element.find(path) is not None
+        return path in self.texts
 
     def text(self, path: str) -> str:
-        found = self.element.findall(path)
+        found = self.texts.get(path, ())
         if len(found) != 1:
             raise ParseError(f"<{path}> occurs {len(found)} times, expected once", place=path)
-        return (found[0].text or "").strip()
+        return found[0].strip()
 
     def number(self, path: str, default: float | None = None) -> float:
         if default is not None and path not in self:

@@ -51,6 +51,7 @@ _KEY = re.compile(r"[A-Za-z]|[A-Za-z_][\w.-]+", re.ASCII)
 # A sequence in XML: words and quoted texts. A quote inside a text cannot be distinguished from one around it.
 _XML_ITEM = r'(?:"[^"]*+"|[^\s"]++)'
 _XML_ITEMS = re.compile(rf"{_XML_ITEM}(?:\s++{_XML_ITEM})*+")
+_WHOLE = re.compile(r"[+-]?\d{1,18}")
 _KIND = re.compile(r"\d*[ucwsifdhr]")
 
 
@@ -211,6 +212,10 @@ def _from_xml(element: _Element, source: str) -> Json:
 
 
 def _from_xml_text(text: str) -> Json:
+    numbers = strict.plain_numbers(text, parts := text.split())
+    if numbers:
+        values = [int(part) if _WHOLE.fullmatch(part) else value for part, value in zip(parts, numbers, strict=True)]
+        return values if len(values) > 1 else values[0]
     if not _XML_ITEMS.fullmatch(text):
         return text[1:-1] if len(text) > 1 and text[0] == text[-1] == '"' else text
     values = [_plain(item) for item in re.findall(_XML_ITEM, text)]
@@ -225,7 +230,7 @@ def _plain(token: str) -> Json:
         value = strict.number(token)
     except ParseError:
         return token
-    return int(token) if re.fullmatch(r"[+-]?\d{1,18}", token) else value
+    return int(token) if _WHOLE.fullmatch(token) else value
 
 
 def _xml(tree: Mapping[str, Json]) -> str:

@@ -242,7 +242,7 @@ def _camera(
         notes.append(
             f"skew of {intrinsics.skew:g} px was kept; OpenCV's own projectPoints does not look at it"
         )
-    if METASHAPE_SPELLING.issubset(keys.tree.keys()):
+    if all(key in keys.tree for key in METASHAPE_SPELLING):
         notes.append(
             "the spelling of the keys is also that of Metashape's export, which does not document its pixel "
             "origin; OpenCV's was taken"
