@@ -454,7 +454,7 @@ def _children(holder: Any) -> Iterator[tuple[Any, str | None, Any]]:
     elif isinstance(holder, list):
         yield from ((index, None, holder[index]) for index in _some(range(len(holder))))
     elif holder is not None:
-        yield from ((key, key.rpartition("}")[2], text) for key, text in holder.attrib.items())
+        yield from ((key, key.rpartition("}")[2], text) for key, text in holder.items())
         children = list(holder)
         if not children and holder.text:
             yield None, None, holder.text

@@ -194,12 +194,10 @@ class Convention(Struct, frozen=True, kw_only=True):
             if sensor_mm is None or not min(sensor_mm) > 0:
                 raise InputError("millimetres need the sensor's size in mm to become pixels")
             return width / sensor_mm[0], height / sensor_mm[1]
-        longer = float(max(image_size))
-        return {
-            Unit.LONGER_SIDE: (longer, longer),
-            Unit.WIDTH: (float(width), float(width)),
-            Unit.EACH_SIDE: (float(width), float(height)),
-        }[self.unit]
+        if self.unit is Unit.EACH_SIDE:
+            return float(width), float(height)
+        side = float(width if self.unit is Unit.WIDTH else max(image_size))
+        return side, side
 
 
 def _negated(value: float) -> float:

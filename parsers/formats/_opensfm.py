@@ -27,6 +27,8 @@ MAX_CAMERAS = 1_000_000
 NAME = "opensfm/camera"
 PREFIX = "opensfm/"
 PROJECTION = "opensfm/projection_type"
+MEANINGFUL = frozenset(key for item in PROJECTIONS for key in item.keys[3:])
+"""Keys of numbers, of any projection type."""
 PERSPECTIVE = "perspective"
 """OpenSfM's default projection type."""
 
@@ -164,8 +166,8 @@ def _is_untouched(name: str, projection: ProjectionType, numbers: dict[str, floa
 
 def _ignored(node: Node, projection: ProjectionType) -> Iterator[str]:
     """Yield non-zero numbers that only another projection type uses."""
-    meaningful = {key for item in PROJECTIONS for key in item.keys[3:]} - set(projection.keys) - {"focal"}
-    given = [key for key in sorted(meaningful) if key in node and node[key].value]
+    rest = sorted(set(node.keys()) - {*projection.keys, "focal"})
+    given = [key for key in rest if key in MEANINGFUL and node[key].value]
     if given:
         yield f"OpenSfM does not look at {', '.join(given)} of a {projection.name} camera, nor was it read"
 
@@ -177,7 +179,8 @@ def _extras(
         yield NAME, name
     if opensfm_camera(calibration)["projection_type"] != projection.name:
         yield PROJECTION, projection.name
-    for key, value in node.entries():
-        text = extra(value.value) if key not in projection.keys else None
+    known = projection.keys
+    for key in node.keys():
+        text = extra(node[key].value) if key not in known else None
         if text is not None:
             yield PREFIX + key, text

@@ -416,10 +416,11 @@ class Intrinsics(Record, tag_field="pixel_origin", tag="corner"):
 
     def __post_init__(self) -> None:
         for name in ("fx", "fy", "cx", "cy", "skew"):
-            value = float(getattr(self, name))
-            if not math.isfinite(value):
-                raise InputError(f"{name} is {value}, expected a finite number of pixels")
-            force_setattr(self, name, value)
+            given = getattr(self, name)
+            if type(given) is not float:
+                force_setattr(self, name, given := float(given))
+            if not math.isfinite(given):
+                raise InputError(f"{name} is {given}, expected a finite number of pixels")
         if self.fx <= 0 or self.fy <= 0:
             raise InputError(f"focal lengths are {self.fx:g} and {self.fy:g} px, expected positive ones")
         force_setattr(self, "image_size", _whole(self.image_size))
