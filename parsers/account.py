@@ -10,9 +10,9 @@ OpenCV, npz and MATLAB files, XML, lines of keys and values. It collects the sta
 *   an unused short key beside coefficients that were used (a misspelt ``k3``).
 
 A statement is used if changing it changes what is read. Most are used in the obvious way, their numbers being those of
-the result, or their text the name of its lens; only for the others is the changed document read again. If one is not used, the distortion of the cameras
-without a lens becomes unknown, never none, and a note names the key; a file with a lens is refused, because its lens
-would not be the one that the file states.
+the result, or their text the name of its lens; only for the others is the changed document read again. If one is not
+used, the distortion of the cameras without a lens becomes unknown, never none, and a note names the key; a file with a
+lens is refused, because its lens would not be the one that the file states.
 """
 
 from __future__ import annotations
@@ -294,9 +294,7 @@ class Account:
         return list(found.values()) or ([_Lines(self._data)] if self._is_text else [])
 
 
-def _explained(
-    cameras: Sequence[Calibration], groups: Iterable[Sequence[Statement]]
-) -> set[float | str]:
+def _explained(cameras: Sequence[Calibration], groups: Iterable[Sequence[Statement]]) -> set[float | str]:
     """Magnitudes that are numbers of K or coefficients of the cameras at least as often as the file states them.
 
     Beside them texts that name the lens of all the cameras, and no other.

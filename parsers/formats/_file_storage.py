@@ -214,7 +214,9 @@ def _from_xml(element: _Element, source: str) -> Json:
 def _from_xml_text(text: str) -> Json:
     numbers = strict.plain_numbers(text, parts := text.split())
     if numbers:
-        values = [int(part) if _WHOLE.fullmatch(part) else value for part, value in zip(parts, numbers, strict=True)]
+        values = [
+            int(part) if _WHOLE.fullmatch(part) else value for part, value in zip(parts, numbers, strict=True)
+        ]
         return values if len(values) > 1 else values[0]
     if not _XML_ITEMS.fullmatch(text):
         return text[1:-1] if len(text) > 1 and text[0] == text[-1] == '"' else text

@@ -180,7 +180,6 @@ def _extras(
     if opensfm_camera(calibration)["projection_type"] != projection.name:
         yield PROJECTION, projection.name
     known = projection.keys
-    for key in node.keys():
-        text = extra(node[key].value) if key not in known else None
-        if text is not None:
+    for key, value in node.entries():
+        if key not in known and (text := extra(value.value)) is not None:
             yield PREFIX + key, text

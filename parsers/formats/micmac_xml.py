@@ -32,7 +32,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from decimal import Context, Decimal
+from functools import lru_cache
 from html import escape
+from math import isfinite
 from typing import TYPE_CHECKING
 
 from calibrary.calibration import Calibration, Grade, ImageSize
@@ -191,7 +193,7 @@ def _model(lens: Distortion, native: Native) -> str:
 def _scaled(coefficient: Decimal, focal: Decimal, power: int) -> float:
     """A coefficient of pixels to the power −``power`` as one of x/z, y/z."""
     value = float(_DECIMAL.multiply(coefficient, _DECIMAL.power(focal, power)))
-    return strict.number(repr(value), place="CalibDistortion")
+    return value if isfinite(value) else strict.number(repr(value), place="CalibDistortion")
 
 
 def _written(coefficient: Decimal, focal: Decimal, power: int) -> str:
@@ -320,6 +322,7 @@ class _Fields:
         )
 
 
+@lru_cache(maxsize=256)  # the account reads a file once for each number that no camera has as it stands
 def _decimals(text: str, count: int, place: str) -> tuple[Decimal, ...]:
     """Numbers that are plain and finite as doubles, with all their digits."""
     strict.numbers(text, count=count, place=place)
