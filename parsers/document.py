@@ -28,7 +28,6 @@ T = TypeVar("T")
 Documents: TypeAlias = dict[tuple[str, bytes], Any]
 """Documents that a reading loads, by the name of the loader and the bytes; what each is, its loader knows."""
 
-_NUMBERS = (float, int)
 _KEPT: ContextVar[Documents | None] = ContextVar("_KEPT", default=None)
 
 
@@ -174,8 +173,14 @@ class Node(Struct, frozen=True, eq=False):
         """
         if isinstance(self.value, list):
             strict.check_count(len(self.value), count, source=self.source, place=self.place)
-            if all(type(item) in _NUMBERS and -1e300 < item < 1e300 for item in self.value):
-                return tuple(map(float, self.value))  # the same as below, without a Node for each
+            # The same as below, without a Node for each.
+            plain = [
+                float(one)
+                for one in self.value
+                if isinstance(one, int | float) and not isinstance(one, bool) and -1e300 < one < 1e300
+            ]
+            if len(plain) == len(self.value):
+                return tuple(plain)
         return tuple(item.number() for item in self.items())
 
     def matrix(self, rows: int, columns: int) -> tuple[tuple[float, ...], ...]:

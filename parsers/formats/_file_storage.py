@@ -214,13 +214,12 @@ def _from_xml(element: _Element, source: str) -> Json:
 def _from_xml_text(text: str) -> Json:
     numbers = strict.plain_numbers(text, parts := text.split())
     if numbers:
-        values = [
-            int(part) if _WHOLE.fullmatch(part) else value for part, value in zip(parts, numbers, strict=True)
-        ]
-        return values if len(values) > 1 else values[0]
-    if not _XML_ITEMS.fullmatch(text):
+        pairs = zip(parts, numbers, strict=True)
+        values: list[Json] = [int(part) if _WHOLE.fullmatch(part) else value for part, value in pairs]
+    elif _XML_ITEMS.fullmatch(text):
+        values = [_plain(item) for item in re.findall(_XML_ITEM, text)]
+    else:
         return text[1:-1] if len(text) > 1 and text[0] == text[-1] == '"' else text
-    values = [_plain(item) for item in re.findall(_XML_ITEM, text)]
     return values if len(values) > 1 else values[0]
 
 

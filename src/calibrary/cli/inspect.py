@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from calibrary.calibration import Calibration
     from calibrary.cli.console import Screen
     from calibrary.jobs.inspect import UnsizedCalibration
-    from calibrary.jobs.inspect.run import InspectedFile
+    from calibrary.jobs.inspect.run import InspectedFile, InspectFilesReport
+    from calibrary.jobs.tables.rows import Table
 
 DESCRIPTION = "Show what a calibration file or image is, how calibrary recognised it, and what it contains."
 EXAMPLES = """\
@@ -52,14 +53,13 @@ def run(arguments: argparse.Namespace) -> int:
 
     from calibrary.cli.console import note, out
     from calibrary.jobs.inspect.run import InspectReport
-    from calibrary.jobs.tables.rows import file_table
 
     if arguments.tags and arguments.table:
         arguments.parser.error("--table is a table of calibrations; --tags lists tags instead")
     check_table_flag(arguments)
     with Bar(note(arguments), "inspecting") as bar:
         done = call(inspect, arguments, progress=bar)
-    write_table(arguments.table, lambda: file_table(done.files))
+    write_table(arguments.table, lambda: _as_table(done))
     if arguments.json:
         alone = len(arguments.files) == 1 and not Path(arguments.files[0]).is_dir()
         print_json(InspectReport(**asdict(done.files[0])) if alone else done)
@@ -70,6 +70,12 @@ def run(arguments: argparse.Namespace) -> int:
     if not done.is_read:
         return EXIT_UNREADABLE
     return 0 if done.is_plausible else EXIT_IMPLAUSIBLE
+
+
+def _as_table(done: InspectFilesReport) -> Table:
+    from calibrary.jobs.tables.rows import file_table
+
+    return file_table(done.files)
 
 
 def _show(screen: Screen, one: InspectedFile) -> None:

@@ -22,10 +22,6 @@ from calibrary.errors import InputError, MissingTagError, RegistryError, first_o
 from calibrary.image_size import ImageSize
 from calibrary.progress import stage
 from calibrary.records import replace
-from calibrary.registry.entry import noted
-from calibrary.registry.entry_yaml import entry_file, parse_entry
-from calibrary.registry.places import one_registry
-from calibrary.registry.registry import Registry
 
 if TYPE_CHECKING:
     from calibrary.parsers import WriteVerdict
@@ -500,6 +496,9 @@ def _read(
     image_size: ImageSize | None,
     is_for_several: bool = False,
 ) -> Argument:
+    from calibrary.registry.entry import noted
+    from calibrary.registry.entry_yaml import entry_file, parse_entry
+
     if isinstance(given, Argument):
         return given
     text, path = str(given), Path(given)
@@ -527,6 +526,10 @@ def _is_one_camera(calibrations: Sequence[Calibration]) -> bool:
 
 
 def _entry(text: str, registry: Place | Sequence[Place] | None) -> Argument:
+    from calibrary.registry.entry import noted
+    from calibrary.registry.places import one_registry
+    from calibrary.registry.registry import Registry
+
     looks_like_a_file = Path(text).suffix and "@" not in text
     try:
         stored = Registry.open(one_registry(registry)).get(text)
