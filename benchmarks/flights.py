@@ -49,7 +49,7 @@ from calibrary.sfm.assessment import FlightResult, flight_result
 from calibrary.sfm.control import with_survey
 from calibrary.sfm.season import solve_season
 from calibrary.sfm.sigma import covariance
-from tests.sfm.flights import CAMERA, PLANS, Plan, fly, rippled
+from tests.sfm.flights import CAMERA, FISHEYE, PLANS, Plan, fly, rippled
 from tests.sfm.surveyed import DATUM, FRAME, survey
 
 NAMES = ("fx", "fy", "cx", "cy")
@@ -84,11 +84,6 @@ FAULTY: dict[str, Plan] = {
         ("oblique, two heights, 3000 points", RTK),
     )
 } | {"oblique, flat, fisheye": replace_plan(PLANS["oblique, flat"], gps_m=RTK)}
-FISHEYE = replace(
-    CAMERA,
-    intrinsics=replace(CAMERA.intrinsics, fx=820.0, fy=820.4),
-    distortion=KannalaBrandt(k1=-0.02, k2=0.004, k3=-0.002, k4=3e-4),
-)
 
 
 def camera_of(name: str) -> Calibration:

@@ -34,7 +34,7 @@ if not TYPE_CHECKING:
 
 import numpy as np
 
-from benchmarks.flights import FISHEYE, faulty, nearest
+from benchmarks.flights import faulty, nearest
 from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
 from calibrary.calib.detection import detect
@@ -51,7 +51,7 @@ from calibrary.jobs.calibrate_flight.run import FlightOptions, SolvedFlight, sol
 from calibrary.jobs.weigh.use import Use, allowed
 from calibrary.policy import FLEET
 from calibrary.records import replace
-from tests.sfm.flights import CAMERA, Plan
+from tests.sfm.flights import CAMERA, FISHEYE, Plan
 from tests.sfm.rendered import render_flight
 
 BOARD = Board(columns=11, rows=8, square_mm=40.0)

@@ -10,7 +10,8 @@ import numpy as np
 from calibrary.arrays import FloatArray
 from calibrary.calib.lens_models import Solvable
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Provenance
-from calibrary.distortion import BrownConrady
+from calibrary.distortion import BrownConrady, KannalaBrandt
+from calibrary.records import replace
 from calibrary.rotations import rotation_matrix
 from calibrary.sfm.tracks import Positions, Scene, Tracks
 
@@ -27,6 +28,11 @@ CAMERA = Calibration(
     distortion=BrownConrady(k1=-0.08, k2=0.05, p1=3e-4, p2=-2e-4, k3=-0.012),
     grade=Grade.CALIBRATED,
     provenance=Provenance(kind="calibration-file"),
+)
+FISHEYE = replace(
+    CAMERA,
+    intrinsics=replace(CAMERA.intrinsics, fx=820.0, fy=820.4),
+    distortion=KannalaBrandt(k1=-0.02, k2=0.004, k3=-0.002, k4=3e-4),
 )
 
 

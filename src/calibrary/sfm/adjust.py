@@ -43,7 +43,7 @@ from calibrary.sfm.bundle import (
 from calibrary.sfm.control import fit_of, on_control, restated, within_marks
 from calibrary.sfm.engine import MAX_SIDE
 from calibrary.sfm.nuisances import PRECISE_M, READOUT_S, NuisancePriors
-from calibrary.sfm.tracks import FEWEST_IMAGES, Positions, Scene, Tracks, aligned, levelled
+from calibrary.sfm.tracks import FEWEST_IMAGES, Positions, Scene, Tracks, aligned, levelled, widest
 
 ROUNDS: Final = 6
 FIRST_ROUNDS: Final = 2
@@ -123,7 +123,7 @@ def adjust(
     if model is None:
         bundle, counts = _screened(tracks, near[0], held, FIRST_ROUNDS)
         near = [bundle.scene]
-        if _widest(bundle) > FISHEYE_FROM_RAD:
+        if widest(bundle.tracks, bundle.scene) > FISHEYE_FROM_RAD:
             with suppress(CalibrationError):
                 # What Brown's model takes for inliers of a fisheye is what it can follow, and misleads the choice.
                 wide = _screened(tracks, scene_of_model(near[0], Solvable.FISHEYE), held, FIRST_ROUNDS)
@@ -330,9 +330,3 @@ def _candidate(bundle: Bundle) -> Candidate:
         condition=cond if math.isfinite(cond) else None,
         refused=reason_unfit(scene.model, scene.parameters, cond, tracks.pixels, tracks.image_size),
     )
-
-
-def _widest(bundle: Bundle) -> float:
-    """Return the largest angle of an observation from the optical axis, rad."""
-    inside = projections(bundle.tracks, bundle.scene).arms
-    return float(np.arctan2(np.hypot(inside[:, 0], inside[:, 1]), inside[:, 2]).max())

@@ -10,6 +10,7 @@ are found after it.
 
 from __future__ import annotations
 
+import math
 import sqlite3
 import tempfile
 from collections.abc import Sequence
@@ -26,11 +27,14 @@ from calibrary.errors import CalibrationError
 from calibrary.progress import Progress
 from calibrary.sfm.colmap_process import run_apart
 from calibrary.sfm.engine import FlightImage, MatchedFlight, Matches, read_keypoints, read_matches
-from calibrary.sfm.tracks import FEWEST_IMAGES, Positions, Scene, Tracks
+from calibrary.sfm.tracks import FEWEST_IMAGES, Positions, Scene, Tracks, widest
 
 OPENCV: Final = ("OPENCV", 4, Solvable.K1K2P1P2)
 OPENCV_FISHEYE: Final = ("OPENCV_FISHEYE", 5, Solvable.FISHEYE)
 """Name and number of COLMAP's model (``sensor/models.h``), and our model with the same order of the parameters."""
+WIDE_RAD: Final = math.radians(50)
+"""Angle off the axis beyond which a reconstruction with OPENCV is compared with one with OPENCV_FISHEYE: half the
+diagonal of a 24 mm lens is 42°."""
 GLOBAL_RATIO: Final = 1.4
 """All images are adjusted together when their number has grown by this factor; COLMAP's default is 1.1."""
 LONGEST_S: Final = 1800
@@ -58,7 +62,7 @@ def reconstruct(
     Args:
         matched: result of :func:`calibrary.sfm.engine.match`.
         start: initial K; between 0.7 and 1.5 times the true focal length it makes no difference.
-        fisheye: whether to start with a fisheye model.
+        fisheye: whether the lens is known to be a fisheye; otherwise both models are tried for a wide one.
         progress: called with (images placed, images in total, "placed").
 
     Raises:
@@ -74,8 +78,11 @@ def reconstruct(
     found = run_apart(_map, progress, matched, start, OPENCV_FISHEYE if fisheye else OPENCV)
     if found is None:
         raise CalibrationError(reason_unfit(len(features), matches, size))
-    tracks, scene = found
-    return tracks, scene
+    if not fisheye and widest(*found) > WIDE_RAD:
+        # A perspective lens follows a few images of a fisheye over flat ground, with a focal length of next to nothing.
+        other = run_apart(_map, progress, matched, start, OPENCV_FISHEYE)
+        found = max(found, other or found, key=lambda one: len(one[0].point))
+    return found
 
 
 def positions_of(images: tuple[FlightImage, ...]) -> Positions | None:

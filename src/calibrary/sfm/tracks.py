@@ -130,6 +130,13 @@ class Scene(Struct, frozen=True, kw_only=True, eq=False):
     nuisances: FloatArray = NONE
 
 
+def widest(tracks: Tracks, scene: Scene) -> float:
+    """Return the largest angle of an observation from the optical axis, rad."""
+    away = scene.points[tracks.point] - scene.centres[tracks.image]
+    inside = np.einsum("nij,nj->ni", scene.rotations[tracks.image], away)
+    return float(np.arctan2(np.hypot(inside[:, 0], inside[:, 1]), inside[:, 2]).max())
+
+
 class Similarity(Struct, frozen=True, kw_only=True, eq=False):
     """Similarity transformation between two frames.
 
