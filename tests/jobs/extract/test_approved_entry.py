@@ -117,6 +117,43 @@ def test_what_is_proposed_and_contradicts_the_k_in_use_is_reported(
     assert says is None or says in found[0]
 
 
+P4R_IN_USE = "dji/fc6310r/5472x3648"
+OTHER_SIZE, OTHER_UNIT, OTHER_MODEL = (
+    "dji/fc6310r/4864x3648",
+    "dji/fc6310r/sn-other/5472x3648",
+    "dji/fc330/4000x3000",
+)
+
+
+@pytest.mark.parametrize(
+    ("proposed", "heard"),
+    [
+        (P4R_IN_USE, True),
+        (OTHER_SIZE, False),
+        (OTHER_UNIT, False),
+        (OTHER_MODEL, False),
+    ],
+    ids=["the entry that is used", "another image size", "another unit", "another model"],
+)
+def test_a_flight_hears_of_what_is_proposed_in_place_of_the_entries_that_it_uses(
+    tmp_path: Path, proposed: str, heard: bool
+) -> None:
+    registry = tmp_path / "registry"
+    entry(registry, P4R_IN_USE)
+    entry(registry, OTHER_SIZE, image_size=(4864, 3648))
+    entry(registry, OTHER_UNIT, serial="other")
+    entry(registry, OTHER_MODEL, model="FC330", image_size=(4000, 3000))
+    waits = registry / f"proposals/{proposed}.yaml"
+    waits.parent.mkdir(parents=True)
+    waits.write_text((registry / f"cameras/{proposed}.yaml").read_text().replace("approved", "draft"))
+    picture(tmp_path / "flight/0.jpg", **P4R)
+    found = [
+        text for text in gate(tmp_path / "flight", registry=files(registry)).warnings if "proposed" in text
+    ]
+    assert len(found) == heard
+    assert all(proposed in text for text in found)
+
+
 def test_without_a_k_what_is_proposed_is_where_a_solver_may_start(tmp_path: Path) -> None:
     entry(tmp_path / "registry", "dji/unit", fx=3700.0, status="draft")
     picture(tmp_path / "flight/0.jpg", make="DJI", model="FC6310R")

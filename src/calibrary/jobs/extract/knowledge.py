@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
@@ -100,7 +100,7 @@ class Knowledge:
         if lock is None:
             found = layers = open_layers(places, many=True)
             snapshots = [layer.snapshot for layer in layers.layers if layer.snapshot is not None]
-            warnings = tuple(warning for snapshot in snapshots for warning in _not_used(snapshot))
+            warnings = tuple(warning for snapshot in snapshots for warning in _uncommitted(snapshot))
         elif len(places) > 1 or is_published(str(places[0])):
             raise RegistryError(f"{lock}: a lock is of one registry on this machine; name its folder alone")
         else:
@@ -108,14 +108,17 @@ class Knowledge:
             found, warnings = pinned.index, pinned.warnings
         return cls(catalogue=load_catalogue(), registry=found, on=date.today(), warnings=warnings)
 
-    @property
-    def warnings_of_layers(self) -> tuple[str, ...]:
-        """Warnings found while querying registries: unreachable servers, and the age of copies."""
-        if self.registry is None:
-            return ()
+    def warnings_on(self, used: Collection[Resolution]) -> Iterator[str]:
+        """Warnings on the registries that were asked, and on what waits in place of the entries that are used."""
         from calibrary.jobs.layers import Layers  # noqa: PLC0415  loaded already
 
-        return self.registry.warnings if isinstance(self.registry, Layers) else ()
+        if not isinstance(self.registry, Layers):
+            return
+        yield from self.registry.warnings
+        for layer in self.registry.layers:
+            paths = dict.fromkeys(one.path for one in used if one.layer == layer.name)
+            if layer.snapshot is not None and (waiting := layer.snapshot.waiting(paths)) is not None:
+                yield waiting
 
     @property
     def has_registry(self) -> bool:
@@ -164,24 +167,17 @@ class Knowledge:
         return replace(known, resolution=resolution, proposed=proposed, near=near)
 
 
-def _not_used(snapshot: Snapshot) -> tuple[str, ...]:
-    """Warnings on uncommitted edits and waiting proposals, which are not used."""
-    from calibrary.registry.paths import in_use_path  # noqa: PLC0415  loaded already
+def _uncommitted(snapshot: Snapshot) -> Iterator[str]:
+    """A warning on edits that are not committed, and so not used."""
     from calibrary.registry.registry import uncommitted  # noqa: PLC0415  loaded already
 
-    waiting = snapshot.waiting(
-        in_use_path(path) for path in snapshot.proposed if in_use_path(path) in snapshot.paths
-    )
-    pending = () if waiting is None else (waiting,)
     edited = uncommitted(snapshot.repo) if snapshot.repo is not None else ()
-    if not edited:
-        return pending
-    more = f" and {len(edited) - 1} more" if len(edited) > 1 else ""
-    return (
-        f"the registry is used as committed; {edited[0]}{more} differs in its work tree and is not committed "
-        "('calibrary registry add FILE' does that)",
-        *pending,
-    )
+    if edited:
+        more = f" and {len(edited) - 1} more" if len(edited) > 1 else ""
+        yield (
+            f"the registry is used as committed; {edited[0]}{more} differs in its work tree and is not committed "
+            "('calibrary registry add FILE' does that)"
+        )
 
 
 def flight_entries(

@@ -283,9 +283,10 @@ def _days(states: Mapping[ImageMetadata, ByDay]) -> tuple[date, date] | None:
 
 def _of_layers(knowledge: Knowledge, states: Mapping[CameraKey, tuple[State, ...]]) -> Iterator[str]:
     """Warnings on contradictions between registries, and on the registries themselves."""
-    yield from knowledge.warnings_of_layers
-    found = (state.known.resolution for group in states.values() for state in group)
-    yield from dict.fromkeys(text for one in found if one is not None for text in one.disagreements)
+    known = (state.known.resolution for group in states.values() for state in group)
+    used = [one for one in known if one is not None]
+    yield from knowledge.warnings_on(used)
+    yield from dict.fromkeys(text for one in used for text in one.disagreements)
 
 
 def _unread(states: Mapping[ImageMetadata, ByDay]) -> Iterator[str]:
