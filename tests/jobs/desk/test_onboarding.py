@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import subprocess
 from collections.abc import Callable
+from datetime import datetime, timedelta, tzinfo
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Self, cast
 
 import pytest
 
 import calibrary
+from calibrary.cli.main import main
+from calibrary.jobs.desk.onboarding import command, proposing
+from calibrary.jobs.desk.work import Job
+from tests.calib.photographs import saved
 from tests.jobs.desk.conftest import Tab
 from tests.jobs.onboard.payloads import survey
 from tests.pages.test_in_chromium import PHONE, faults
@@ -85,6 +93,32 @@ def test_what_changed_since_it_was_looked_at_is_shown_and_not_proposed(
     one.page.get_by_role("button", name="Propose it").click()
     one.page.get_by_text("not used until it is approved").wait_for(timeout=90_000)
     assert branches(fleet) == [BRANCH]
+
+
+def test_frames_without_a_day_keep_the_one_that_was_shown(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    named = ["--square-mm=25", "--make=Example", "--model=One", "--for=model"]
+    frames = saved(tmp_path / "frames", 10)[0].parent
+    words, title = command(fleet, tmp_path, {"place": str(frames)})
+    assert main([*words, *named]) == 0
+    shown = capsys.readouterr().out.encode()
+    looked = SimpleNamespace(words=[*words, *named], folder=tmp_path, documents=[shown], title=title)
+    confirmed = proposing(cast("Job", looked), tmp_path, {})
+
+    class Tomorrow(datetime):
+        @classmethod
+        def now(cls, tz: tzinfo | None = None) -> Self:
+            return super().now(tz) + timedelta(days=1)
+
+    monkeypatch.setattr("calibrary.jobs.calibrate.run.datetime", Tomorrow)
+    assert main(confirmed) == 0
+    [drafted] = branches(fleet)
+    [stored] = calibrary.open_registry(fleet, at=drafted).snapshot.proposals()
+    assert (
+        stored.entry.calibration.provenance.date
+        == json.loads(shown)["cameras"][0]["entry"]["calibration"]["provenance"]["date"]
+    )
 
 
 def test_dropped_files_are_kept_whole_and_their_hashes_are_of_them(

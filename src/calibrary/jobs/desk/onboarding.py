@@ -113,11 +113,19 @@ def command(registry: Path, folder: Path, asked: Mapping[str, str]) -> tuple[lis
 
 def proposing(job: Job, folder: Path, asked: Mapping[str, str]) -> list[str]:
     """The command that does what a run showed that wrote nothing, if the files are still the same."""
-    page, digest = str(job.folder / REPORT), _found(job).digest
-    said = [one for one in job.words if one != DRY and not one.startswith(("--digest=", "--reason="))]
-    words = [str(folder / REPORT) if one == page else one for one in said]
+    page, found, said = str(job.folder / REPORT), _found(job), ("--digest=", "--reason=", "--date=")
+    words = [
+        str(folder / REPORT) if one == page else one
+        for one in job.words
+        if one != DRY and not one.startswith(said)
+    ]
+    # Frames that state no day have that of the run, which may be over once somebody confirms it. A file that states
+    # none would get it too.
+    made = [one.entry.calibration.provenance for one in found.cameras if one.entry is not None]
+    days = {one.date for one in made if one.kind == "board"} if all(one.date for one in made) else set()
+    words += [f"--date={day}" for day in days if len(days) == 1]
     reason = [f"--reason={asked['reason']}"] if asked.get("reason") else []
-    return [*words, f"--digest={digest[:12]}", *reason]
+    return [*words, f"--digest={found.digest[:12]}", *reason]
 
 
 def _found(job: Job) -> OnboardReport:

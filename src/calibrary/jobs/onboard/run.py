@@ -310,7 +310,8 @@ class Onboarding(Struct, frozen=True, kw_only=True):
             advance = counted(self.progress, len(frames), "frames")
             board = self.board or square_mm
             seen = observe(frames, metadata, board, workers=self.workers, progress=advance)
-            result = solved(seen, Asked(), Told(stated=Stated(operator=self.stated.operator)))
+            told = self.stated if seen.observations.taken is None else replace(self.stated, date=None)
+            result = solved(seen, Asked(), Told(stated=Stated(date=told.date, operator=told.operator)))
         except (CalibrationError, InputError) as error:
             return ImageSolve(images=len(frames), reason=str(error))
         return ImageSolve.of(frames, seen, result)
