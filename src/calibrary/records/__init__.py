@@ -122,7 +122,7 @@ class Record(msgspec.Struct, metaclass=_RecordType, frozen=True, forbid_unknown_
 
     @classmethod
     def _unwire(cls, document: dict[str, Json]) -> dict[str, Json]:
-        """Convert a written document to that of the fields; may change ``document`` and raise InputError."""
+        """Convert a written document to that of the fields, unwritten ones too; may change it and raise InputError."""
         return document
 
     @classmethod
@@ -324,9 +324,9 @@ def _prepared(kinds: Mapping[str | None, type[Record]], value: object) -> object
         return value
     if tag_field is not None and tag_field not in value:
         raise InputError(f"lacks {tag_field}")
-    document = kind._unwire(dict(value))
-    if unknown := kind._unwritten & document.keys():
+    if unknown := kind._unwritten & value.keys():
         raise InputError(f"Object contains unknown field {min(unknown)}")
+    document = kind._unwire(dict(value))
     for name, inner in special:
         if name in document:
             document[name] = cast("Json", _prepared(inner, document[name]))

@@ -11,10 +11,13 @@ from typing import Any
 import pytest
 
 from calibrary.calibration import Quality
+from calibrary.errors import ParseError
 from calibrary.jobs.extract.knowledge import Knowledge
+from calibrary.jobs.resolve.run import FleetAnswer
 from calibrary.known_camera import hash_serial
 from calibrary.parsers.imagery import read_metadata
 from calibrary.quality import Covariance
+from calibrary.records import from_json
 from calibrary.registry.entry import Alias, Status, Validity
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.firmware import FirmwareRange
@@ -39,6 +42,18 @@ def test_an_image_gets_the_entry_of_its_camera(
     assert answer["calibration"]["intrinsics"]["fx"] == 3661.25
     assert answer["camera"]["focal_mm"] == 8.8
     assert answer["known_by"].startswith("the image: Phantom 4 RTK")
+
+
+def test_what_a_document_says_of_the_use_comes_back_from_it(
+    fleet: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put(fleet, an_entry(focal_mm=None))
+    answer = printed(capsys, "resolution-1", "resolve", "dji/fc6310r")
+    read = from_json(FleetAnswer, answer)
+    assert (read.use, read.use_reason) == (answer["use"], answer["use_reason"]) != (None, None)
+    assert read.to_dict() == answer
+    with pytest.raises(ParseError, match="perhaps"):
+        from_json(FleetAnswer, answer | {"use": "perhaps"})
 
 
 def test_the_terminal_states_the_entry_with_its_state_and_what_k_is(

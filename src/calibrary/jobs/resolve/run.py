@@ -19,7 +19,7 @@ from calibrary.jobs.layers import AskedLayer, Layer, LayerKind, Layers
 from calibrary.jobs.weigh.use import Allowed, allowed
 from calibrary.known_camera import hashed
 from calibrary.policy import FLEET, Policy
-from calibrary.records import Json, Record, replace
+from calibrary.records import Json, Record, from_json, replace
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import parsed
 from calibrary.registry.git.objects import ObjectId
@@ -89,7 +89,7 @@ class FleetAnswer(Record, tag_field="schema", tag="calibrary/resolution-1"):
         near: the first few entries that are not used or are less specific.
         warnings: on the registries: unreachable servers, and the age of copies.
         path: of the entry in its registry or in the catalogue.
-        found: what was resolved, and the policy by which it is judged.
+        found: what was resolved, and the policy by which its use is judged; read from a document, what that says of it.
 
     >>> answer = calibrary.open_registry("fleet").resolve("survey/DJI_0001.JPG")
     >>> answer.status.value, answer.why
@@ -111,7 +111,7 @@ class FleetAnswer(Record, tag_field="schema", tag="calibrary/resolution-1"):
     near: tuple[RejectedEntry, ...]
     warnings: tuple[str, ...]
     path: str | None = None
-    found: tuple[Resolution, Policy] | None = None
+    found: tuple[Resolution, Policy] | Allowed | None = None
 
     def __hash__(self) -> int:
         """Of what was asked, and where the answer lies; what was found has maps, which have none."""
@@ -120,19 +120,25 @@ class FleetAnswer(Record, tag_field="schema", tag="calibrary/resolution-1"):
     @property
     def use(self) -> str | None:
         """What a solver may do with K: fixed, start or none; None if no entry applies. Judged when it is asked for."""
-        return _use_of(*self.found).use.value if self.found is not None else None
+        return found.use.value if (found := self._allowed) is not None else None
 
     @property
     def use_reason(self) -> str | None:
         """Why."""
-        return _use_of(*self.found).why if self.found is not None else None
+        return found.why if (found := self._allowed) is not None else None
+
+    @property
+    def _allowed(self) -> Allowed | None:
+        return _use_of(*self.found) if isinstance(self.found, tuple) else self.found
 
     def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
         return document | {"use": self.use, "use_reason": self.use_reason}
 
     @classmethod
-    def _unwire(cls, document: dict[str, Json]) -> dict[str, Json]:
-        return {name: value for name, value in document.items() if name not in {"use", "use_reason"}}
+    def _unwire(cls, document: dict[str, Json]) -> dict[str, Any]:
+        use, why = document.pop("use", None), document.pop("use_reason", None)
+        said = from_json(Allowed, {"use": use, "why": why}) if use is not None else None
+        return document | {"found": said}
 
     @classmethod
     def _wire_schema(cls, schema: dict[str, Any], _defs: dict[str, Any]) -> dict[str, Any]:
