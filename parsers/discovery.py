@@ -25,27 +25,34 @@ from calibrary.records import Meta, Record
 GROUP = "calibrary.formats"
 """The entry-point group by which other packages add formats."""
 
-ONLY: Final[Mapping[Syntax, str]] = {
-    Syntax.XML: (
-        "agisoft_xml blocksexchange_xml calibu contextcapture_opt metashape_document micmac_xml qualisys "
-        "realitycapture_xmp"
+ONLY: Final[Mapping[tuple[Syntax, ...], str]] = {
+    (Syntax.XML,): (
+        "adobe_lcp agisoft_xml blocksexchange_xml calibu contextcapture_opt gazebo_sdf metashape_document "
+        "micmac_xml qualisys realitycapture_xmp"
     ),
-    Syntax.JSON: (
-        "alicevision_sfm azure_kinect basalt calib_io depthai gaussian_cameras gyroflow multical "
-        "multiview_calib nuscenes odm_cameras openmvg opensfm opf_calibrated_cameras opf_input_cameras "
-        "photonvision pinhole_json realsense record3d stac_interior_orientation theia_priors transforms_json"
+    (Syntax.JSON,): (
+        "alicevision_sfm argoverse azure_kinect basalt calib_io depthai gaussian_cameras gyroflow multical "
+        "multiview_calib nuscenes odm_cameras open3d openmvg opensfm opf_calibrated_cameras opf_input_cameras "
+        "opf_project photonvision pinhole_json realsense record3d stac_interior_orientation theia_priors "
+        "transforms_json"
     ),
-    Syntax.TEXT: (
+    (Syntax.TEXT,): (
         "alicevision_cal anipose artoolkitplus_cal asp_tsai australis_report bluec_rad bouguet_m bundler "
-        "camodocal colmap_text droid_calib dso_camera esri_cameras euroc hugin_pto inpho_prj kalibr "
-        "kalibr_results kapture keyed_text kitti maplab mvsnet_cam named_pinholes nsvf_intrinsics nvm "
+        "camodocal colmap_text droid_calib dso_camera esri_cameras euroc fisheye_adapter hugin_pto inpho_prj "
+        "kalibr kalibr_results kapture keyed_text kitti maplab mvsnet_cam named_pinholes nsvf_intrinsics nvm "
         "ocamcalib okvis orb_slam orthority photomodeler_export photomodeler_report pix4d_cam "
         "pix4d_camera_parameters projection_matrix realitycapture_csv ros_camera_info ros_ini stella_vslam "
         "terraphoto_cal usgs_report vikit zed zi_ssk"
     ),
-    Syntax.BINARY: ("colmap_binary colmap_database k_npy matlab_mat metashape_archive numpy_npz"),
+    (Syntax.BINARY,): (
+        "artoolkit_param colmap_binary colmap_database k_npy llff_npy matlab_mat metashape_archive neus_npz "
+        "numpy_npz"
+    ),
+    (Syntax.XML, Syntax.TEXT): "lensfun_xml slstudio",
+    (Syntax.XML, Syntax.TEXT, Syntax.JSON): "opencv_storage",
+    (Syntax.TEXT, Syntax.JSON): "k_text matlab_json mrcal",
 }
-"""Built-in formats with a single syntax, not loaded for files of another; formats not listed are always loaded."""
+"""Built-in formats by their syntaxes, not loaded for files of another; formats not listed are always loaded."""
 
 PROGRAMS: Final[Mapping[str, tuple[str, ...]]] = {
     "arcgis": ("esri_cameras",),
@@ -138,7 +145,7 @@ def _not_built_in() -> dict[str, Format]:
 @cache
 def formats_of(syntax: Syntax) -> tuple[Format, ...]:
     """The formats that a file of this syntax may have; other built-in formats are not loaded."""
-    elsewhere = {name for other, names in ONLY.items() if other is not syntax for name in names.split()}
+    elsewhere = {name for others, names in ONLY.items() if syntax not in others for name in names.split()}
     found = {name: _built_in(name) for name in _module_names() - elsewhere} | _not_built_in()
     return tuple(record for _, record in sorted(found.items()) if syntax in record.syntaxes)
 
