@@ -56,7 +56,7 @@ ROOMS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
         ),
     ),
     "jobs": (("src/calibrary/jobs",), ("tests/jobs", "tests/cli")),
-    "cli": (("src/calibrary/cli",), ("tests/cli",)),
+    "cli": (("src/calibrary/cli",), ("tests/cli", "tests/jobs/onboard")),
 }
 """Where a room's code is, and the tests of its own; what people see of jobs and registries is tested at commands."""
 

@@ -73,6 +73,19 @@ def test_cells_below_a_row_share_a_line_that_they_fill() -> None:
     assert [line.plain for line in lines] == ["a", "flown in April", "    b 2.34  c 5.67"]
 
 
+def test_cells_below_a_row_that_do_not_fit_beside_each_other_have_lines_of_their_own() -> None:
+    columns = [Column(name="a"), Column(name="b", rank=1), Column(name="c", rank=2)]
+    lines = fitted(columns, [("flown in April", "2.34", "5.67")], len("    b 2.34  c 5.67") - 1)
+    assert [line.plain for line in lines] == ["a", "flown in April", "    b 2.34", "    c 5.67"]
+
+
+def test_a_sentence_fills_the_width_that_other_columns_leave() -> None:
+    columns = [Column(name="a"), Column(name="b", wraps=True), Column(name="c")]
+    lines = fitted(columns, [("one", "two three " * 6, "four")], 40)
+    half = "two three two three two three"
+    assert [line.plain for line in lines[1:]] == [f"one  {half}  four", f"     {half}"]
+
+
 def styled(lines: list[Text]) -> set[tuple[str, str]]:
     """Every style with every word it covers."""
     return {

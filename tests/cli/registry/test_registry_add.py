@@ -40,6 +40,15 @@ def test_a_new_entry_is_a_draft_with_its_whole_provenance(fleet: Path, tmp_path:
     assert git(fleet, "status", "--porcelain") == ""
 
 
+@pytest.mark.usefixtures("fleet")
+@pytest.mark.parametrize(("flags", "is_told"), [((), True), (("--approve", "--reason", "flown"), False)])
+def test_a_proposal_is_told_how_it_comes_into_use(
+    flags: tuple[str, ...], is_told: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, _, err = run(capsys, "add", xml(tmp_path / "a.xml"), *CAMERA, *flags, "--yes")
+    assert ("a proposal is not used yet; next: calibrary registry approve" in err) is is_told
+
+
 def test_a_k_of_no_camera_enters_by_force_only(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
