@@ -134,16 +134,20 @@ class Priors(Struct, frozen=True, kw_only=True, eq=False):
         known, g = self.known, len(free)
         shared = slice(g, g + len(known.weight))
         rows = np.flatnonzero((self.by_place > 0).any(axis=1))
-        for axis in range(3) if len(rows) else ():
-            by, weight = np.zeros((len(rows), len(right))), self.by_place[rows, axis] ** 2
-            by[np.arange(len(rows)), columns[rows, axis]] = known.up_by if axis == UP else 1.0
-            by[:, shared] = known.place_by[rows, axis]
-            np.put_along_axis(by, columns[rows] - 3, known.place_by_turn[rows, axis], axis=1)
-            matrix += by.T @ (weight[:, None] * by)
-            right += by.T @ (weight * self.left_place[rows, axis])
-            if self.by_offset is not None:
-                carried = weight @ by
-                matrix -= np.outer(carried, carried) / max(weight.sum() + self.by_offset, 1e-300)
+        # (rows, 3, m + 6) derivatives of a stated position by the nuisances and by its own image's pose, nothing else.
+        by = np.zeros((len(rows), 3, shared.stop - g + 6))
+        by[..., :-6], by[..., -6:-3] = known.place_by[rows], known.place_by_turn[rows]
+        by[..., -3:] = np.diag((1.0, 1.0, known.up_by))
+        at = np.concatenate(
+            [np.tile(np.arange(g, shared.stop), (len(rows), 1)), columns[rows] - 3, columns[rows]], axis=1
+        )
+        weight = self.by_place[rows] ** 2
+        np.add.at(matrix, (at[:, :, None], at[:, None, :]), np.einsum("rai,ra,raj->rij", by, weight, by))
+        np.add.at(right, at, np.einsum("rai,ra->ri", by, weight * self.left_place[rows]))
+        if self.by_offset is not None:
+            carried = np.zeros((3, len(right)))
+            np.add.at(carried, (np.arange(3)[:, None], at[:, None]), (weight[..., None] * by))
+            matrix -= carried.T @ (carried / np.maximum(weight.sum(axis=0) + self.by_offset, 1e-300)[:, None])
         at = np.arange(g, shared.stop)
         matrix[at, at] += known.weight**2
         right[at] += known.weight**2 * known.off
