@@ -250,7 +250,7 @@ def _reweighted(stated: Positions, bundle: Bundle) -> Positions:
 def _redundancy(bundle: Bundle) -> FloatArray:
     """Return (V, 3) how much of an error of a stated position its residual shows: 0 nothing, 1 all."""
     tracks, priors, g = bundle.tracks, bundle.linear.priors, len(bundle.free)
-    matrix = reduce(tracks, bundle.linear, bundle.free).matrix
+    matrix = bundle.reduced.matrix
     scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     inverse = np.linalg.inv(matrix / np.outer(scale, scale) + LEAST_DAMPING * np.eye(len(matrix)))
     inverse /= np.outer(scale, scale)
@@ -321,7 +321,7 @@ def _candidate(bundle: Bundle) -> Candidate:
     n, k = 2 * len(bundle.tracks.point), len(bundle.free)
     cond = math.inf
     with suppress(CalibrationError):
-        cond = condition(lens_block(reduce(bundle.tracks, bundle.linear, bundle.free), k)[0])
+        cond = condition(lens_block(bundle.reduced, k)[0])
     scene, tracks = bundle.scene, bundle.tracks
     return Candidate(
         model=scene.model,

@@ -20,9 +20,9 @@ from calibrary.calib.lens_models import Solvable
 from calibrary.errors import CalibrationError
 from calibrary.policy import FLEET
 from calibrary.records import replace
-from calibrary.sfm.bundle import Bundle, lens_block, reduce
+from calibrary.sfm.bundle import Bundle, inverted, lens_block, reduce
 from calibrary.sfm.nuisances import PRECISE_M
-from calibrary.sfm.sigma import CENTRE, CameraUncertainty, covariance, inverted
+from calibrary.sfm.sigma import CENTRE, CameraUncertainty, covariance
 
 WORTH: Final = 0.8
 """Largest σ afterwards, as a share of that before, of what is worth its effort."""

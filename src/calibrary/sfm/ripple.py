@@ -15,15 +15,14 @@ image explained several times more of the squared residuals than its 24 numbers 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
 
 from calibrary.arrays import FloatArray
-from calibrary.distortion.base import blocks
+from calibrary.errors import CalibrationError
 from calibrary.records import replace
-from calibrary.sfm.bundle import Bundle, Linear, lens_block, linearise, projections, reduce
+from calibrary.sfm.bundle import Bundle, Linear, inverted, lens_block, linearise, reduce, with_own
 
 INTERVALS: Final = (6, 4)
 """Four by three followed half of a ripple of half the frame, which moved fy of a fisheye's flights to one side."""
@@ -34,8 +33,6 @@ TAUS_PX: Final = (0.01, 0.03, 0.1, 0.2, 0.4, 0.8)
 """Standard deviations of the coefficients, px at the size of the images' features."""
 WANDERS_PX: Final = (0.1, 0.3, 1.0, 3.0, 10.0)
 """The same of each image's principal point; a degree of stabilisation is 15 px."""
-NUMBERS: Final = 1 << 24
-"""Derivatives by parameters of single images that are kept at once: 128 MiB."""
 
 
 def ripple_shift(bundle: Bundle, feature_px: float) -> FloatArray:
@@ -51,10 +48,12 @@ def ripple_shift(bundle: Bundle, feature_px: float) -> FloatArray:
     size, fields = len(bundle.scene.parameters), basis(bundle.tracks.pixels, bundle.tracks.image_size)
     linear = linearise(bundle.tracks, bundle.scene, bundle.place_variance, lambda _: fields)
     if linear is None:
-        return np.zeros((size, size))
+        raise CalibrationError("the adjusted flight puts a point behind an image that sees it")
     beside = beside_the_lens(bundle, linear, size)
     by_lens = np.concatenate([linear.by_lens[..., :size], linear.by_lens[..., size:] @ beside], axis=2)
-    return _by_evidence(bundle, replace(linear, by_lens=by_lens), np.array(TAUS_PX) * feature_px)
+    free = np.concatenate([bundle.free, np.arange(size, by_lens.shape[2])])
+    reduced = reduce(bundle.tracks, replace(linear, by_lens=by_lens), free)
+    return _by_evidence(bundle, *lens_block(reduced, len(free))[:2], np.array(TAUS_PX) * feature_px)
 
 
 def wander_shift(bundle: Bundle, feature_px: float) -> FloatArray:
@@ -63,49 +62,31 @@ def wander_shift(bundle: Bundle, feature_px: float) -> FloatArray:
     Raises:
         CalibrationError: the images do not determine the camera.
     """
-    model = bundle.scene.model
-    centre = [model.parameters.index(name) for name in ("cx", "cy")]
-    shift, stds = np.zeros((len(model.parameters),) * 2), np.array(WANDERS_PX) * feature_px
-    for linear in by_image(bundle, projections(bundle.tracks, bundle.scene).by_lens[..., centre]):
-        shift += _by_evidence(bundle, linear, stds)
-    return shift
+    centre = [bundle.scene.model.parameters.index(name) for name in ("cx", "cy")]
+    equations = with_own(bundle, bundle.linear.by_lens[..., centre])
+    return _by_evidence(bundle, *equations, np.array(WANDERS_PX) * feature_px)
 
 
-def by_image(bundle: Bundle, derivatives: FloatArray) -> Iterator[Linear]:
-    """Yield the flight with further parameters that each image has for itself, of a few images at a time.
+def _by_evidence(bundle: Bundle, matrix: FloatArray, right: FloatArray, stds: FloatArray) -> FloatArray:
+    """Return (n, n) the mean outer product of the lens's steps by further parameters of each standard deviation.
 
     Args:
         bundle: result of the adjustment.
-        derivatives: (N, 2, c) of the pixels by the c parameters of their own image.
+        matrix: (g + k, g + k) normal equations of the lens and of k further parameters.
+        right: (g + k,) their right-hand side.
+        stds: the standard deviations; none of the parameters is as likely as any of these.
     """
-    tracks, (rows, _, c) = bundle.tracks, derivatives.shape
-    images = np.flatnonzero(tracks.used)
-    at = np.searchsorted(images, tracks.image)
-    for some in blocks(len(images), max(1, NUMBERS // (2 * c * rows))):
-        columns = np.zeros((rows, 2, c, some.stop - some.start))
-        mine = np.flatnonzero((at >= some.start) & (at < some.stop))
-        columns[mine, :, :, at[mine] - some.start] = derivatives[mine]
-        flat = columns.reshape(rows, 2, -1)
-        linear = linearise(tracks, bundle.scene, bundle.place_variance, lambda _: flat)  # noqa: B023  called at once
-        if linear is not None:
-            yield linear
-
-
-def _by_evidence(bundle: Bundle, linear: Linear, stds: FloatArray) -> FloatArray:
-    """Return (n, n) the mean outer product of the lens's steps by further parameters of each standard deviation."""
     size, g = len(bundle.scene.parameters), len(bundle.free)
-    free = np.concatenate([bundle.free, np.arange(size, linear.by_lens.shape[2])])
-    matrix, right, _ = lens_block(reduce(bundle.tracks, linear, free), len(free))
-    matrix, right, at = matrix / bundle.variance, right / bundle.variance, np.arange(g, len(free))
-    steps: list[FloatArray] = [np.zeros(g)]
-    evidence = [-float(np.linalg.slogdet(matrix[:g, :g])[1]) / 2]
+    matrix, right = matrix / bundle.variance, right / bundle.variance
+    own, by = inverted(matrix[:g, :g]), matrix[:g, g:]
+    values, vectors = np.linalg.eigh(matrix[g:, g:] - by.T @ own @ by)
+    # What the images do not tell of the further parameters is nought, and below it by rounding: their σ bounds it.
+    values, along = np.maximum(values, 0.0), vectors.T @ (right[g:] - by.T @ own @ right[:g])
+    steps, evidence = [np.zeros(g)], [0.0]
     for std in stds:
-        known = matrix.copy()
-        known[at, at] += std**-2
-        step: FloatArray = np.asarray(np.linalg.solve(known, right), dtype=np.float64)
-        steps.append(step[:g])
-        evidence.append(float(right @ step - np.linalg.slogdet(known)[1]) / 2 - len(at) * np.log(std))
-    # As likely none as any, and the sizes alike.
+        further = along / (values + std**-2)
+        steps.append(-own @ by @ vectors @ further)
+        evidence.append(float(along @ further - np.log1p(values * std**2).sum()) / 2)
     weight = np.exp(np.array(evidence) - max(evidence)) * np.r_[1.0, np.full(len(stds), 1 / len(stds))]
     shift, found = np.zeros((size, size)), np.array(steps)
     shift[np.ix_(bundle.free, bundle.free)] = (weight[:, None] * found).T @ found / weight.sum()

@@ -31,15 +31,17 @@ from calibrary.calibration import Covariance
 from calibrary.errors import CalibrationError
 from calibrary.records import Record, replace
 from calibrary.sfm.adjust import Adjustment, adjust
-from calibrary.sfm.bundle import Bundle, adjust_bundle, lens_block, linearise, projections, reduce, unmoved
-from calibrary.sfm.nuisances import NONE
-from calibrary.sfm.sigma import (
-    FEATURE_SIDE,
-    FOCAL_BY_PX,
-    CameraUncertainty,
-    held_in_the_middle,
+from calibrary.sfm.bundle import (
+    Bundle,
+    adjust_bundle,
     inverted,
+    lens_block,
+    linearise,
+    projections,
+    unmoved,
 )
+from calibrary.sfm.nuisances import NONE
+from calibrary.sfm.sigma import FEATURE_SIDE, FOCAL_BY_PX, CameraUncertainty, held_in_the_middle
 from calibrary.sfm.tracks import Scene, Tracks
 
 FOCAL_RATE_STD: Final = 2e-3
@@ -226,8 +228,7 @@ class _Search(Struct, frozen=True, kw_only=True, eq=False):
 
     @staticmethod
     def _block(bundle: Bundle, weight: float) -> tuple[FloatArray, FloatArray]:
-        reduced = reduce(bundle.tracks, bundle.linear, bundle.free)
-        matrix, right, _ = lens_block(reduced, len(bundle.free))
+        matrix, right, _ = lens_block(bundle.reduced, len(bundle.free))
         return weight * matrix, weight * right
 
 

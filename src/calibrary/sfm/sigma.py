@@ -32,9 +32,19 @@ from calibrary.calibration import Covariance, ImageSize
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
 from calibrary.sfm.adjust import Adjustment
-from calibrary.sfm.bundle import Bundle, adjust_bundle, lens_block, linearise, projections, reduce
+from calibrary.sfm.bundle import (
+    Bundle,
+    adjust_bundle,
+    inverted,
+    lens_block,
+    linearise,
+    projections,
+    reduce,
+    weights_of,
+    with_own,
+)
 from calibrary.sfm.nuisances import READOUT, Nuisance
-from calibrary.sfm.ripple import by_image, ripple_shift, wander_shift
+from calibrary.sfm.ripple import ripple_shift, wander_shift
 from calibrary.sfm.tracks import upward
 
 SPLITS: Final = 15
@@ -129,13 +139,11 @@ def camera_uncertainty(found: Adjustment, *, seed: int = 0) -> CameraUncertainty
     # centre, the lens's next term, a lens that departs from every model, and one that wanders. Each is the outer
     # product of a shift.
     held = _with_fixed_centre(bundle, C * inflation, geometry.focal_by_px)
-    of_lens, wander, px = np.zeros_like(C), np.zeros_like(C), _feature_px(bundle)
-    with suppress(CalibrationError):
-        of_lens += ripple_shift(bundle, px)
-        wander += wander_shift(bundle, px)
+    px = _feature_px(bundle)
+    of_lens, wander = ripple_shift(bundle, px), wander_shift(bundle, px)
     further = _next_term_shift(bundle, C, inflation)
     if further is not None:
-        of_lens += np.outer(further, further)
+        of_lens = of_lens + np.outer(further, further)
     between = _unsettled(bundle, C) + _by_travel(bundle) + wander + of_lens
     if held is not None:
         shift = held.parameters - bundle.scene.parameters
@@ -160,7 +168,7 @@ def covariance(bundle: Bundle) -> FloatArray:
         CalibrationError: the images do not determine the camera.
     """
     size = len(bundle.free)
-    matrix = lens_block(reduce(bundle.tracks, bundle.linear, bundle.free), size)[0]
+    matrix = lens_block(bundle.reduced, size)[0]
     full = np.zeros((len(bundle.scene.parameters),) * 2)
     full[np.ix_(bundle.free, bundle.free)] = bundle.variance * inverted(matrix)
     return full
@@ -178,9 +186,7 @@ def _nuisances_found(bundle: Bundle, geometry: FlightGeometry) -> tuple[FlightNu
     )
     found = []
     with suppress(CalibrationError):
-        C = bundle.variance * inverted(
-            lens_block(reduce(bundle.tracks, bundle.linear, bundle.free), g + m)[0]
-        )
+        C = bundle.variance * inverted(lens_block(bundle.reduced, g + m)[0])
         std = np.sqrt(np.diag(C))
         for at, number in enumerate(np.flatnonzero(priors.active).tolist(), start=g):
             shares = (C[lens, at] / (std[lens] * std[at])) ** 2 if lens else np.zeros(1)
@@ -206,26 +212,9 @@ def _nuisances_found(bundle: Bundle, geometry: FlightGeometry) -> tuple[FlightNu
 def _unsettled(bundle: Bundle, C: FloatArray) -> FloatArray:
     """Return (n, n) the outer product of the remaining step to the minimum, if the search ended before it."""
     right = np.zeros(len(C))
-    reduced = reduce(bundle.tracks, bundle.linear, bundle.free)
-    right[bundle.free] = lens_block(reduced, len(bundle.free))[1]
+    right[bundle.free] = lens_block(bundle.reduced, len(bundle.free))[1]
     left = C @ right / bundle.variance
     return np.outer(left, left)
-
-
-def inverted(matrix: FloatArray) -> FloatArray:
-    """Return the inverse of normal equations.
-
-    Raises:
-        CalibrationError: they do not determine every parameter.
-    """
-    scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
-    if not (scale > 0).all():
-        raise CalibrationError("the images do not determine every parameter of the lens")
-    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
-    if not values[0] > 0:
-        raise CalibrationError("the images do not determine every parameter of the lens")
-    inverse = (vectors / values) @ vectors.T / np.outer(scale, scale)
-    return np.asarray((inverse + inverse.T) / 2)
 
 
 def halves(bundle: Bundle, *, seed: int = 0, splits: int = SPLITS) -> SplitHalf | None:
@@ -329,16 +318,15 @@ def _by_travel(bundle: Bundle) -> FloatArray:
     """
     tracks, scene, n, g = bundle.tracks, bundle.scene, len(bundle.scene.parameters), len(bundle.free)
     covariance = np.zeros((n, n))
-    if tracks.nuisances is None or not tracks.nuisances.active[READOUT]:
+    travel = float(scene.nuisances[READOUT])
+    if tracks.nuisances is None or not tracks.nuisances.active[READOUT] or not travel:
         return covariance
     seen = projections(tracks, scene)
-    by_travel = np.stack([scene.nuisances[READOUT] * seen.by_readout, seen.by_heading], axis=2)
-    # An image's columns meet no other's, so that any few at a time give the same sum.
-    for linear in by_image(bundle, TRAVEL_STD * by_travel):
-        free = np.concatenate([bundle.free, np.arange(n, linear.by_lens.shape[2])])
-        matrix = lens_block(reduce(tracks, linear, free), len(free))[0]
-        moved = inverted(matrix[:g, :g]) @ matrix[:g, g:]
-        covariance[np.ix_(bundle.free, bundle.free)] += moved @ moved.T
+    by_travel = np.stack([travel * seen.by_readout, seen.by_heading], axis=2)
+    by_travel *= TRAVEL_STD * weights_of(tracks, bundle.place_variance)[:, None, None]
+    matrix, _ = with_own(bundle, by_travel)
+    moved = inverted(matrix[:g, :g]) @ matrix[:g, g:]
+    covariance[np.ix_(bundle.free, bundle.free)] = moved @ moved.T
     return covariance
 
 
