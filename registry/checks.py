@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from hashlib import sha256
-from itertools import groupby, islice
+from itertools import groupby
 from pathlib import Path
 from typing import Annotated, Final, Literal, Self
 
@@ -118,8 +118,8 @@ def count_of(count: int) -> str:
     return "1 entry" if count == 1 else f"{count} entries"
 
 
-BLOCK: Final = 1000
-"""Number of entries that are checked together, beside which git's answer for some more is in memory."""
+BLOCK: Final = 200
+"""Number of entries that are read together and in memory."""
 
 Progress = Callable[[int, int], None]
 
@@ -144,7 +144,6 @@ class EntryFiles(Mapping[str, bytes]):
         self._order = sorted(paths, key=check_order)
         self._known = frozenset(paths)
         self._read = read
-        self._all: Iterator[bytes] | None = None
         self._progress = progress
         self._block: Mapping[str, bytes] = {}
         self._next = 0
@@ -152,7 +151,7 @@ class EntryFiles(Mapping[str, bytes]):
     @classmethod
     def in_git(cls, repo: Repository, listed: Mapping[str, str], progress: Progress | None = None) -> Self:
         """Read entries by their blob ids."""
-        return cls(listed, lambda names: repo.read_many([listed[name] for name in names]), progress)
+        return cls(listed, lambda names: repo.objects([listed[name] for name in names]), progress)
 
     def __getitem__(self, path: str) -> bytes:
         if path not in self._known:
@@ -162,7 +161,7 @@ class EntryFiles(Mapping[str, bytes]):
             return found
         if self._next < len(self._order) and self._order[self._next] == path:
             names = self._order[self._next : self._next + BLOCK]
-            self._block, self._entries = self._in_turn(names), None
+            self._block, self._entries = self._contents(names), None
             self._next += len(names)
             if self._progress is not None:
                 self._progress(self._next, len(self._order))
@@ -183,17 +182,6 @@ class EntryFiles(Mapping[str, bytes]):
         if isinstance(found, InputError):
             raise found
         return found if found is not None else parse_entry(data, path)
-
-    def _in_turn(self, names: Sequence[str]) -> dict[str, bytes]:
-        """Return the next contents; those of a block by themselves from the first on that cannot be read."""
-        # One run of git for many blocks: most files are stored as their difference from others, and it keeps those.
-        try:
-            if self._all is None:
-                self._all = iter(self._read(self._order))
-            return dict(zip(names, islice(self._all, len(names)), strict=True))
-        except (RegistryError, ValueError):
-            self._all = iter(())
-            return self._contents(names)
 
     def _contents(self, names: Sequence[str]) -> dict[str, bytes]:
         try:

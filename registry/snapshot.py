@@ -53,7 +53,7 @@ from calibrary.registry.statements import RULES, content_of, subject_of
 MOST_INDICES = 256
 """Models of which the entries stay in memory."""
 
-AT_ONCE = 5000
+AT_ONCE = 500
 """Number of files of which the contents are held in memory."""
 
 MANY = 200
@@ -238,7 +238,9 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
     def _stand(self, paths: Sequence[str]) -> dict[str, Standing]:
         repo, _ = self.require_git("has no statements")
         book, subjects = self.book, [subject_of(path) for path in paths]
-        every = book.every if len(paths) > MANY else {}
+        if len(paths) > MANY:
+            # From here on, all of them are in memory.
+            _ = book.every
         known = self.contents.seen(self._ref, subjects) if self._is_tip else {}
         there = [path for path in paths if path in self.paths]
         stated = dict(self.contents.parsed(self._each(there, RegistryError)))
@@ -246,7 +248,7 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         for path, subject in zip(paths, subjects, strict=True):
             entry = stated.get(path)
             entry = entry if isinstance(entry, Entry) else None
-            statements = every.get(subject, []) if every else book.statements(subject)
+            statements = book.statements(subject)
             in_force = book.in_force(
                 subject,
                 statements,
@@ -338,7 +340,7 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         if len(oids) < len(paths):
             missing = next(path for path in paths if self._oid(path) is None)
             raise RegistryError(f"{missing}: not in commit {(self.commit or '')[:12]}")
-        return self.repo.read_many(oids)
+        return self.repo.objects(oids)
 
     def _oid(self, path: str) -> str | None:
         return (self.proposed if is_proposal(path) else self.paths).get(path)

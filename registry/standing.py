@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from datetime import date, timedelta
-from functools import cached_property
 from typing import Final
 
 from msgspec import Struct, structs
@@ -321,17 +320,20 @@ class Book:
         """
         self._repo, self._commit = repo, commit
         self._parts: dict[str, dict[str, list[str]] | None] = {}
+        self._every: Mapping[str, list[Signed | Broken]] | None = None
         self.rulebook: Final = Rulebook.of(self.statements(RULES), known)
 
     def statements(self, subject: str) -> list[Signed | Broken]:
         """Return the statements on one subject."""
+        if self._every is not None and subject != RULES:
+            return self._every.get(subject, [])[:MOST]
         files = self._repo.listing(self._commit, f"{STATEMENTS}{subject}")
         own = {path: oid for path, oid in files.items() if path.count("/") == subject.count("/") + 2}
         return [*self._read({path: own[path] for path in sorted(own)[:MOST]})]
 
     def _read(self, files: Mapping[str, str]) -> Iterator[Signed | Broken]:
         try:
-            contents = [*self._repo.read_many([*files.values()])]
+            contents = [*self._repo.objects([*files.values()])]
         except RegistryError:
             for path, oid in files.items():
                 try:
@@ -342,15 +344,17 @@ class Book:
         for path, data in zip(files, contents, strict=True):
             yield parse_statement(path, data)
 
-    @cached_property
+    @property
     def every(self) -> Mapping[str, list[Signed | Broken]]:
         """All statements on entries and labels, by their subject, for a reader of all entries."""
-        files = self._repo.listing(self._commit, STATEMENTS)
-        found: dict[str, list[Signed | Broken]] = {}
-        kept = {path: oid for path, oid in files.items() if not path.startswith(_NOT_ENTRIES)}
-        for path, one in zip(kept, self._read(kept), strict=True):
-            found.setdefault(path.removeprefix(STATEMENTS).rpartition("/")[0], []).append(one)
-        return found
+        if self._every is None:
+            files = self._repo.listing(self._commit, STATEMENTS)
+            found: dict[str, list[Signed | Broken]] = {}
+            kept = {path: oid for path, oid in files.items() if not path.startswith(_NOT_ENTRIES)}
+            for path, one in zip(kept, self._read(kept), strict=True):
+                found.setdefault(path.removeprefix(STATEMENTS).rpartition("/")[0], []).append(one)
+            self._every = found
+        return self._every
 
     def why_not(self, one: Signed) -> str | None:
         """Return why a statement has no effect; None if it counts."""
@@ -716,9 +720,8 @@ def standing_of(book: Book, repo: Repository, path: str, stated: Entry | None, i
             problem=f"{path}: what is approved of it is not what its file says, and file {in_force.blobs[0][:12]} is "
             f"not in this clone{repo.unshallow_hint or '; git fetch may bring it'}"
         )
-    plain = replace(
-        _with_status(base, in_force.status, in_force.reason), label=book.label(label_subject(path))
-    )
+    plain, label = _with_status(base, in_force.status, in_force.reason), book.label(label_subject(path))
+    plain = replace(plain, label=label) if label != plain.label else plain
     entry = until(plain, in_force.until)
     remark = None
     if not is_here:

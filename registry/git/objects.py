@@ -20,6 +20,10 @@ LARGEST_FILE: Final = 1 << 20
 """Bytes; an entry with a full covariance has about 4000."""
 
 
+Answer: TypeAlias = tuple[str, bytes, bytes]
+"""Id, kind and content."""
+
+
 class Blob(Struct, frozen=True):
     """Stored content of a file.
 
@@ -55,32 +59,39 @@ class ObjectReader:
         self._questions = cast("IO[bytes]", process.stdin).fileno()
         self._answers = cast("IO[bytes]", process.stdout)
 
-    def ask(self, name: str) -> tuple[str, bytes, bytes] | None:
-        """Return the id, kind and content of a named object; ``None`` if it does not exist.
+    def ask(self, names: Sequence[str]) -> list[Answer | None]:
+        """Return the id, kind and content of named objects; ``None`` for those that do not exist.
+
+        Args:
+            names: names of objects, so few that a pipe holds all of them while git waits to be read.
 
         Raises:
             EOFError: the process has ended.
-            RegistryError: the object is larger than any file of a registry.
+            RegistryError: an object is larger than any file of a registry.
         """
         # Unbuffered: buffered data would be sent twice after a fork.
         try:
-            os.write(self._questions, os.fsencode(name) + b"\n")
+            os.write(self._questions, b"".join(os.fsencode(name) + b"\n" for name in names))
         except BrokenPipeError:
             raise EOFError from None
-        header = self._answers.readline()
-        parts = header.split()
-        if not header.endswith(b"\n"):
-            raise EOFError
-        if len(parts) != 3 or HEX.match(parts[0].decode("ascii", "replace")) is None:
-            return None
-        size = int(parts[2])
-        if size > LARGEST_FILE and parts[1] == b"blob":
-            self.close()
-            raise TooLargeError(f"{name}: {size} bytes, expected at most {LARGEST_FILE}")
-        data = self._answers.read(size + 1)[:-1]
-        if len(data) != size:
-            raise EOFError
-        return parts[0].decode(), parts[1], data
+        found = list[Answer | None]()
+        for name in names:
+            header = self._answers.readline()
+            parts = header.split()
+            if not header.endswith(b"\n"):
+                raise EOFError
+            if len(parts) != 3 or HEX.match(parts[0].decode("ascii", "replace")) is None:
+                found.append(None)
+                continue
+            size = int(parts[2])
+            if size > LARGEST_FILE and parts[1] == b"blob":
+                self.close()
+                raise TooLargeError(f"{name}: {size} bytes, expected at most {LARGEST_FILE}")
+            data = self._answers.read(size + 1)[:-1]
+            if len(data) != size:
+                raise EOFError
+            found.append((parts[0].decode(), parts[1], data))
+        return found
 
     def close(self) -> None:
         """End the process, unless it belongs to the parent of a fork."""

@@ -28,6 +28,7 @@ from calibrary.registry.git.objects import (
     HEX,
     REGULAR,
     TREE,
+    Answer,
     Blob,
     Member,
     ObjectReader,
@@ -79,9 +80,8 @@ def discover(path: Path) -> tuple[Path, Path, bool]:
     return git_dir, common_dir, is_bare
 
 
-CHUNK = 20_000
-FEW: Final = 64
-"""Number of objects that are read one by one; for more, a separate process is faster."""
+AT_ONCE: Final = 64
+"""Number of objects that git is asked for before its answers are read: their names fit into any system's pipe."""
 KEPT_TREES: Final = 1024
 STALE_LOCK_S = 10.0
 COMMITTED = re.compile(rb"^committer .*> (\d+) [+-]\d+$", re.MULTILINE)
@@ -226,7 +226,7 @@ class Repository:
         Raises:
             RegistryError: the branch is damaged: its file is empty, or its commit is lost.
         """
-        found = self._object(f"{ref or 'HEAD'}^{{commit}}")
+        found = self._asked([f"{ref or 'HEAD'}^{{commit}}"])[0]
         if found is not None:
             return found[0]
         complaint = lost_ref(self.git_dir, self.common_dir, ref or "HEAD")
@@ -251,7 +251,7 @@ class Repository:
 
     def holds(self, commit: str) -> bool:
         """Return whether a commit, given by 40 hex digits, exists here."""
-        found = self._object(commit) if HEX.match(commit) else None
+        found = self._asked([commit])[0] if HEX.match(commit) else None
         return found is not None and found[1] == b"commit"
 
     def committed_at(self, commit: str) -> int:
@@ -260,7 +260,7 @@ class Repository:
         Raises:
             RegistryError: the commit does not exist.
         """
-        found = self._object(commit)
+        found = self._asked([commit])[0]
         if found is None or found[1] != b"commit":
             raise RegistryError(f"{self.path}: has no commit {commit}")
         line = COMMITTED.search(found[2].partition(b"\n\n")[0])
@@ -274,7 +274,7 @@ class Repository:
         """
         if any(ord(letter) < 32 for letter in revision) or not revision or len(revision) > 250:
             raise RegistryError(f"{revision!r} is not a revision: expected a commit, a tag, a branch")
-        known = self._object(f"{revision}^{{commit}}") if HEX.match(revision) else None
+        known = self._asked([f"{revision}^{{commit}}"])[0] if HEX.match(revision) else None
         if known is not None:
             return known[0]
         found = self.run(
@@ -308,7 +308,7 @@ class Repository:
 
     def _member(self, commit: str, path: str) -> Member | None:
         """Return mode and id of what is at a path; an empty path is the root."""
-        answer = self._object(commit)
+        answer = self._asked([commit])[0]
         tree = TREE_OF_COMMIT.match(answer[2]) if answer is not None and answer[1] == b"commit" else None
         if tree is None:
             raise RegistryError(f"{self.path}: has no commit {commit}{self.unshallow_hint}")
@@ -366,10 +366,6 @@ class Repository:
         old, new = (root[1] if root is not None and root[0] == TREE else None for root in roots)
         return sorted(difference(self._load, old, new, folder), key=lambda one: one[0])
 
-    def read_many(self, oids: Sequence[str]) -> Iterator[bytes]:
-        """Yield the contents of many files, in the order of their ids; errors as for :meth:`objects`."""
-        return self.objects(oids)
-
     def readable(self, oids: Sequence[str]) -> Iterator[bytes]:
         """Yield the contents of many files; empty for one that is too large, which is an error of its own path only.
 
@@ -386,33 +382,19 @@ class Repository:
                     yield b""
 
     def objects(self, oids: Sequence[str], kind: bytes = b"blob") -> Iterator[bytes]:
-        """Yield the contents of many objects, in the order of their ids; one process serves twenty thousand.
+        """Yield the contents of many objects, in the order of their ids, with few of them in memory.
 
         Raises:
             RegistryError: an object is missing, too large or damaged.
         """
-        if len(oids) <= FEW:
-            for oid in oids:
-                found = self._object(oid) if HEX.match(oid) else None
+        for start in range(0, len(oids), AT_ONCE):
+            some = oids[start : start + AT_ONCE]
+            if (wrong := next((oid for oid in some if not HEX.match(oid)), None)) is not None:
+                raise self._lacks(wrong, kind)
+            for oid, found in zip(some, self._asked(some), strict=True):
                 if found is None or found[0] != oid or found[1] != kind:
                     raise self._lacks(oid, kind)
                 yield found[2]
-            return
-        for start in range(0, len(oids), CHUNK):
-            chunk = oids[start : start + CHUNK]
-            asked = "".join(f"{oid}\n" for oid in chunk).encode()
-            answers = self.run("cat-file", "--batch", "--buffer", stdin=asked).out
-            at = 0
-            for oid in chunk:
-                end = answers.find(b"\n", at)
-                parts = answers[at:end].split()
-                if len(parts) != 3 or parts[1] != kind:
-                    raise self._lacks(oid, kind)
-                at = end + 1 + int(parts[2]) + 1
-                data = answers[end + 1 : at - 1]
-                if object_id(kind, data) != oid:
-                    raise self._swapped(oid)
-                yield data
 
     def _lacks(self, oid: str, kind: bytes) -> RegistryError:
         return damaged(self.path, f"it lacks {WHAT[kind]}, object {oid[:40]}")
@@ -424,10 +406,10 @@ class Repository:
         if reader is not None and reader.pid == os.getpid():
             reader.close()
 
-    def _object(self, name: str) -> tuple[str, bytes, bytes] | None:
+    def _asked(self, names: Sequence[str]) -> list[Answer | None]:
         for _ in range(2):
             try:
-                found = self._reader().ask(name)
+                answers = self._reader().ask(names)
             except EOFError:
                 self.close()
                 continue
@@ -435,9 +417,10 @@ class Repository:
                 # An answer that was not read (Ctrl-C) would be taken for the answer to the next question.
                 self.close()
                 raise
-            if found is not None and object_id(found[1], found[2]) != found[0]:
-                raise self._swapped(found[0])
-            return found
+            for found in answers:
+                if found is not None and object_id(found[1], found[2]) != found[0]:
+                    raise self._swapped(found[0])
+            return answers
         head = self.run("cat-file", "--batch-check", stdin=b"").errors
         complaint = lost_ref(self.git_dir, self.common_dir, "HEAD")
         if complaint is not None:

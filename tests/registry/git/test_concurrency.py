@@ -133,7 +133,7 @@ def test_eight_processes_that_add_twenty_entries_each_lose_none(bare: Repository
     files = bare.listing(tip, "cameras/make")
     wanted = {f"cameras/make/w{writer}/n{number}.yaml" for writer in range(8) for number in range(20)}
     assert set(files) == wanted
-    contents = dict(zip(files, bare.read_many([*files.values()]), strict=True))
+    contents = dict(zip(files, bare.objects([*files.values()]), strict=True))
     assert contents["cameras/make/w3/n7.yaml"] == b"3 7\n"
     assert git(bare.path, "rev-list", "--count", "main") == "161"
 
@@ -154,7 +154,7 @@ def test_writers_killed_many_times_lose_nothing_they_acknowledged(bare: Reposito
     git(bare.path, "fsck", "--strict", "--connectivity-only")
     tip = bare.tip()
     assert tip is not None
-    for data in bare.read_many([*bare.listing(tip, "cameras/make").values()]):
+    for data in bare.objects([*bare.listing(tip, "cameras/make").values()]):
         lines = data.split(b"\n")
         assert len(lines) == 21
         assert len(set(lines[:-1])) == 1

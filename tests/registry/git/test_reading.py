@@ -12,14 +12,15 @@ from pathlib import Path
 import pytest
 
 from calibrary.errors import RegistryError
+from calibrary.registry.git.errors import TooLargeError
 from calibrary.registry.git.history import (
     OnDate,
     commit_at,
     newest_where,
     parse_rev,
 )
-from calibrary.registry.git.objects import blob_id
-from calibrary.registry.git.repository import Repository, create
+from calibrary.registry.git.objects import LARGEST_FILE, blob_id
+from calibrary.registry.git.repository import AT_ONCE, Repository, create
 from tests.registry.git.repositories import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
 
 __all__ = ["bare", "checked_out", "made", "nobodys_git"]
@@ -60,7 +61,7 @@ def test_a_damaged_object_is_an_error_and_not_another_k(bare: Repository) -> Non
     with pytest.raises(RegistryError):
         bare.read(tip, ENTRY)
     with pytest.raises(RegistryError):
-        list(bare.read_many([oid]))
+        list(bare.objects([oid]))
 
 
 def test_many_contents_come_in_the_order_they_were_asked_for(bare: Repository) -> None:
@@ -71,9 +72,21 @@ def test_many_contents_come_in_the_order_they_were_asked_for(bare: Repository) -
     paths = bare.listing(tip, "cameras")
     assert set(paths) == {ENTRY, *files}
     asked = sorted(files, reverse=True)
-    assert list(bare.read_many([paths[path] for path in asked])) == [files[path] for path in asked]
+    assert list(bare.objects([paths[path] for path in asked])) == [files[path] for path in asked]
     with pytest.raises(RegistryError, match="fsck --full"):
-        list(bare.read_many(["1" * 40]))
+        list(bare.objects(["1" * 40]))
+
+
+def test_a_file_that_is_much_too_large_is_refused_among_many_and_the_others_are_read(
+    bare: Repository,
+) -> None:
+    small = [blob_id(b"n: %d\n" % i) for i in range(2 * AT_ONCE)]
+    put(bare, {f"cameras/m/m{i}/a.yaml": b"n: %d\n" % i for i in range(2 * AT_ONCE)})
+    written = bare.run("hash-object", "-w", "--stdin", stdin=b"x" * (LARGEST_FILE + 1)).out
+    asked = [*small, written.decode().strip()]
+    with pytest.raises(TooLargeError, match="expected at most"):
+        list(bare.objects(asked))
+    assert list(bare.readable(asked))[-2:] == [b"n: %d\n" % (2 * AT_ONCE - 1), b""]
 
 
 def test_a_link_in_a_tree_is_no_entry(checked_out: Repository) -> None:

@@ -165,7 +165,7 @@ def use_everything_that_reads(repo: Repository) -> None:
     assert history(repo, ENTRY, tip)
     assert changed(repo, None, tip)
     assert signatures(repo, [tip], None)
-    assert list(repo.read_many([*repo.listing(tip).values()]))
+    assert list(repo.objects([*repo.listing(tip).values()]))
     maintain(repo)
     repo.close()
 
