@@ -438,7 +438,8 @@ def require_within(record: Record, limits: Limits) -> None:
         value: object = record
         for step in path.split("."):
             value = getattr(value, step, None)
-        for one in _members(value):
+        # Most fields of most records are empty.
+        for one in _members(value) if value is not None else ():
             if not _holds(one, bounds):
                 raise _out_of_bounds(path, one, bounds)
 
@@ -520,9 +521,14 @@ def _keywords(bounds: Meta) -> dict[str, Any]:
 
 
 def _members(value: object) -> Iterable[object]:
-    if isinstance(value, Mapping):
-        return value.values()
-    return value if isinstance(value, tuple) else (value,)
+    if isinstance(value, tuple):
+        return value
+    # A mapping is asked for last, because what is none of its kinds is compared with all of them.
+    return (
+        value.values()
+        if not isinstance(value, str | int | float) and isinstance(value, Mapping)
+        else (value,)
+    )
 
 
 def _holds(value: object, bounds: Meta) -> bool:
