@@ -69,8 +69,9 @@ class Cache:
             self.documents.clear()
         self.documents[digest] = document
 
-    def _file(self, digest: str) -> Path:
-        return self.folder / FILES / digest[:2] / digest
+    def _file(self, digest: str) -> str:
+        # Strings, as paths of pathlib take longer than a file that is read.
+        return f"{self.folder}/{FILES}/{digest[:2]}/{digest}"
 
 
 @cache
@@ -78,29 +79,25 @@ def _shared(folder: Path) -> Cache:
     return Cache(folder)
 
 
-def _read(file: Path) -> bytes:
+def _read(file: str) -> bytes:
     """Read a file, and note once a day that it is used."""
-    with file.open("rb") as opened:
+    with open(file, "rb", buffering=0) as opened:  # noqa: PTH123  a string
         if time.time() - os.fstat(opened.fileno()).st_mtime > EVERY_S:
             with suppress(OSError):
                 os.utime(file)
         return opened.read(LARGEST)
 
 
-def _write(file: Path, data: bytes) -> None:
-    """Write a file atomically, without waiting for the disk, since it is verified again when used."""
-    temporary = file.with_name(f".{file.name[:40]}.{os.urandom(4).hex()}")
+def _write(file: str, data: bytes) -> None:
+    """Write a file in place, without waiting for the disk: a part of it is told by its digest when it is used."""
     with suppress(OSError):
         try:
-            try:
-                temporary.write_bytes(data)
-            except FileNotFoundError:
-                file.parent.mkdir(parents=True, exist_ok=True)
-                temporary.write_bytes(data)
-            temporary.replace(file)
-        except OSError:
-            temporary.unlink(missing_ok=True)
-            raise
+            opened = open(file, "wb", buffering=0)  # noqa: PTH123, SIM115  a string; closed below
+        except FileNotFoundError:
+            os.makedirs(os.path.dirname(file), exist_ok=True)  # noqa: PTH103, PTH120  a string
+            opened = open(file, "wb", buffering=0)  # noqa: PTH123, SIM115  the same
+        with opened:
+            opened.write(data)
 
 
 CACHE_MIB: Final = "CALIBRARY_CACHE_MIB"
