@@ -611,9 +611,15 @@ def require_clean(repo: Repository, tip: str | None, paths: Sequence[str]) -> No
     touched = sorted(_edited(repo, paths) | blocked)
     if touched:
         raise RegistryError(
-            f"{repo.path}: {first_of(touched)}: edited and not committed; nothing was written. Commit it, or stash "
-            f"it: git -C {repo.path} stash --include-untracked"
+            f"{repo.path}: {first_of(touched)}: edited and not committed; nothing was written. Commit it, or "
+            f"{_aside(repo)}"
         )
+
+
+def _aside(repo: Repository) -> str:
+    """Return the advice how a person's edit of a file is set aside without losing it."""
+    committed = f"git -C {repo.path} restore --staged --worktree -- FILE"
+    return f"move it elsewhere and take back what is committed: {committed}"
 
 
 def _wait_for_index(repo: Repository) -> None:
@@ -846,6 +852,5 @@ def finish_update(repo: Repository) -> None:
     if blocked is not None:
         raise RegistryError(
             f"{repo.path}: its files are older than its last commit, and some were edited by hand since; a "
-            f"commit of them would undo entries. Put them aside: git -C {repo.path} stash; then: git -C "
-            f"{repo.path} reset --hard. ({blocked})"
+            f"commit of them would undo entries. For each that git names, {_aside(repo)}. ({blocked})"
         )

@@ -151,12 +151,23 @@ def test_files_that_a_killed_writer_left_behind_are_brought_up_by_the_next(check
     assert git(checked_out.path, "status", "--porcelain") == ""
 
 
-def test_files_left_behind_and_edited_since_are_not_overwritten_either(checked_out: Repository) -> None:
+@pytest.mark.parametrize("is_staged", [False, True])
+def test_files_left_behind_and_edited_since_are_not_overwritten_and_what_is_advised_leads_on(
+    checked_out: Repository, tmp_path: Path, is_staged: bool
+) -> None:
     killed_between_commit_and_files(checked_out)
-    (checked_out.path / ENTRY).write_bytes(b"by hand\n")
-    with pytest.raises(RegistryError, match="older than its last commit"):
+    edited = checked_out.path / ENTRY
+    edited.write_bytes(b"by hand\n")
+    if is_staged:
+        git(checked_out.path, "add", ENTRY)
+    with pytest.raises(RegistryError, match="older than its last commit") as refused:
         put(checked_out, {OTHER: b"next\n"})
-    assert (checked_out.path / ENTRY).read_bytes() == b"by hand\n"
+    assert edited.read_bytes() == b"by hand\n"
+    assert ENTRY in str(refused.value)
+    edited.rename(tmp_path / "mine")
+    git(checked_out.path, "restore", "--staged", "--worktree", "--", ENTRY)
+    put(checked_out, {OTHER: b"next\n"})
+    assert edited.read_bytes() == b"fx: 2.0\n"
 
 
 @pytest.mark.parametrize("left", [b"", b"fx: ", b"fx: 0.5\n"], ids=["empty", "half", "of an older commit"])
