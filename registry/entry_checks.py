@@ -6,6 +6,7 @@ pass in, because it takes more than the registry.
 
 from __future__ import annotations
 
+import re
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMapping, Sequence
 from functools import cached_property
@@ -165,6 +166,9 @@ def _board(path: str, entry: Entry, _: Policy) -> Iterator[Finding]:
     )
 
 
+TURNS: Final = re.compile("[\u200e\u200f\u202a-\u202e\u2066-\u2069]")
+"""Characters that turn the direction of a line, and are seen by nobody."""
+
 RULES: Final[tuple[Callable[[str, Entry, Policy], Iterator[Finding]], ...]] = (
     _path,
     _provenance,
@@ -272,6 +276,12 @@ def _read_into(
     group: dict[str, Entry], path: str, data: bytes, parse: Callable[[bytes, str], Entry]
 ) -> Iterator[Finding]:
     """Read an entry into its group; a proposal is treated as a draft, whatever its status."""
+    turns = None if data.isascii() else TURNS.search(data.decode("utf-8", "replace"))
+    if turns is not None:
+        message = (
+            f"{turns[0]!a} in it turns what people see into another order than that of the text; take it out"
+        )
+        yield finding_of(path, "spelling", message, Severity.WARNING)
     try:
         entry = parse(data, path)
     except InputError as error:

@@ -214,6 +214,12 @@ def test_a_name_of_two_scripts_is_a_warning() -> None:
     assert of(an_entry(model="Rеno 3")) == [("spelling", "warning")]
 
 
+def test_a_character_that_turns_the_direction_of_a_line_is_a_warning() -> None:
+    [(path, data)] = files(an_entry()).items()
+    turned = data.replace(b"grade:", "# \u202e 5.2 mm\ngrade:".encode())
+    assert found(check({path: turned}, FLEET)) == [("spelling", "warning")]
+
+
 def test_a_warning_leaves_a_registry_good() -> None:
     findings = check(files(an_entry(model="Rеno 3")), FLEET)
     assert [finding.severity for finding in findings] == [Severity.WARNING]
