@@ -14,7 +14,7 @@ from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Final, cast
+from typing import Final, TypeAlias, cast
 
 from msgspec import Struct
 
@@ -25,8 +25,8 @@ from calibrary.strictjson import parse_json
 from calibrary.strictyaml import Place, YamlScalar, YamlValue, line_of, load_yaml, places_in
 
 LARGEST_ENTRY: Final = 256 << 10
-ENTRY_MARK: Final = re.compile(rb"^schema:[ ]*\"?calibrary/entry-\d", re.MULTILINE)
 """Bytes; an entry has about 2000."""
+ENTRY_MARK: Final = re.compile(rb"^schema:[ ]*\"?calibrary/entry-\d", re.MULTILINE)
 DEEPEST: Final = 16
 _ESCAPES = {"\\": "\\\\", '"': '\\"', "\n": "\\n", "\r": "\\r", "\t": "\\t", "\0": "\\0"}
 _PLAIN_KEY = re.compile(r"x-[A-Za-z0-9_.-]*[A-Za-z0-9_]")
@@ -79,6 +79,12 @@ def entry_yaml(entry: Entry, formers: Sequence[bytes] = (), without: Collection[
     Raises:
         InputError: a text contains a lone surrogate, a number is not finite, or an extension is nested too deeply.
     """
+    found = _with_formers(entry, formers, without)
+    return found if found is not None else _file(to_json(entry))
+
+
+def _with_formers(entry: Entry, formers: Sequence[bytes], without: Collection[str] = ()) -> bytes | None:
+    """Return the file of an entry as :func:`entry_yaml` does; None if comments make it too large to be one."""
     document = to_json(entry)
     plain = _file(document)
     formers = [one for one in formers if one != plain]
@@ -89,11 +95,25 @@ def entry_yaml(entry: Entry, formers: Sequence[bytes] = (), without: Collection[
     except InputError:
         ordered = document
     data = with_comments(_file(ordered), formers, {*LEGEND.splitlines(), *without})
-    # A comment may make a file too large to be one.
     try:
-        return data if parse_entry(data, "") == entry else plain
+        return data if parse_entry(data, "") == entry else None
     except InputError:
-        return plain
+        return None
+
+
+def lost_comments(data: bytes, entry: Entry, formers: Sequence[bytes]) -> str | None:
+    """Return a sentence about comments of former files that the file of an entry does not have; None if it has all."""
+    lost = sorted(frozenset().union(*map(comments_in, formers)) - comments_in(data))
+    if not lost:
+        return None
+    are = (
+        f"{len(lost)} comments, of which the first is {lost[0]:.60}"
+        if len(lost) > 1
+        else f"the comment {lost[0]:.60}"
+    )
+    if _with_formers(entry, formers) is None:
+        return f"its file cannot keep {are}: with them it would be larger than {LARGEST_ENTRY >> 10} KiB"
+    return f"what is taken out of its file takes {are} with it"
 
 
 def _file(document: Mapping[str, Json]) -> bytes:
@@ -300,7 +320,7 @@ def parsed(data: bytes, path: str, *, require_digest: bool = True) -> Entry:
 
 
 def combined(path: str, base: bytes, ours: bytes, theirs: bytes) -> bytes | None:
-    """Return one entry of two changes of it; None if they contradict.
+    """Return one entry of two changes of it; None if they contradict, or their comments do not fit into one file.
 
     Labels, tags, notes and comments are combined, because no approval covers them. All else is of one side, so that no
     K is mixed from two, and what was approved stays what was approved.
@@ -325,7 +345,7 @@ def combined(path: str, base: bytes, ours: bytes, theirs: bytes) -> bytes | None
         calibration=replace(result.calibration, notes=notes.pop() if notes else old.notes),
     )
     removed = comments_in(base) - (comments_in(ours) & comments_in(theirs))
-    return entry_yaml(entry, (ours, theirs), removed)
+    return _with_formers(entry, (ours, theirs), removed)
 
 
 def _without_free(entry: Entry) -> Entry:
@@ -333,10 +353,13 @@ def _without_free(entry: Entry) -> Entry:
 
 
 # Comments and the order of fields that people put into a file. A comment on a line of its own belongs to the field or
-# item of a list that comes next; one at the end of a line, to the first of that line. If that is gone, it moves to the
-# next one that is left, or to the end: none is dropped. Blank lines are comments without a text.
+# item of a list that comes next; one at the end of a line, to the first of that line. If that field is gone, it moves
+# to the next one that is left, or to the end; with an item of a list that is taken out, it goes. Blank lines are
+# comments without a text. What cannot be seen in a comment, as what turns a line's direction, is written escaped.
 
 _COMMENT: Final = re.compile(r"^[ \t]*$|(?<!\S)#[^\n]*", re.MULTILINE)
+Steps: TypeAlias = tuple[str | int, ...]
+"""Keys and positions that lead to a value."""
 _BREAK: Final = re.compile("\r\n?|[\x85\u2028\u2029]")
 
 
@@ -374,7 +397,7 @@ def in_order_of(document: Mapping[str, Json], former: YamlValue) -> dict[str, Js
 def comments_in(data: bytes) -> frozenset[str]:
     """Return the texts of all comments in a file; of one that is not YAML, all that may be one."""
     try:
-        _, found = _read(data)
+        _, _, found = _read(data)
     except (ParseError, UnicodeError):
         lines = (line.partition("#")[2] for line in data.decode("utf-8", "replace").splitlines())
         return frozenset(f"#{text}".rstrip() for text in lines if text)
@@ -390,21 +413,22 @@ def with_comments(written: bytes, formers: Sequence[bytes], without: Collection[
         without: texts of comments to leave out.
     """
     said, text = {*without}, written.decode()
-    lines = text.split("\n")
+    lines, document = text.split("\n"), load_yaml(text, source="", max_depth=DEEPEST)
     line_of = {place.path: text.count("\n", 0, place.start) for place in places_in(text)}
     above: dict[int, list[str]] = {}
     beside: dict[int, str] = {}
     for number, former in enumerate(formers):
         try:
-            places, found = _read(former)
+            before, places, found = _read(former)
         except (ParseError, UnicodeError):
             continue
-        target = _targets(places, line_of, len(lines) - 1)
+        moved = dict(_moved(before, document))
+        target = _targets([moved.get(place.path, place.path) for place in places], line_of, len(lines) - 1)
         for one in found:
-            if one.text in said or (number and not one.text):
-                continue
             at = target[one.place]
-            if one.is_beside and places[one.place].path in line_of and at not in beside:
+            if one.text in said or (number and not one.text) or at is None:
+                continue
+            if one.is_beside and moved.get(places[one.place].path) in line_of and at not in beside:
                 beside[at] = one.text
             else:
                 above.setdefault(at, []).append(one.text)
@@ -412,11 +436,42 @@ def with_comments(written: bytes, formers: Sequence[bytes], without: Collection[
     return "\n".join(_joined(lines, above, beside)).encode()
 
 
-def _targets(places: Sequence[Place], line_of: Mapping[tuple[str | int, ...], int], end: int) -> list[int]:
-    """Return the line of each place, or of the next one that is left; the last one is the end of the file."""
-    found = [end]
-    for place in reversed(places):
-        found.append(line_of.get(place.path, found[-1]))
+def _moved(
+    former: YamlValue, now: YamlValue, path: Steps = (), at: Steps | None = ()
+) -> Iterator[tuple[Steps, Steps | None]]:
+    """Yield the path of every value of a document with its path in another one; None for an item that is taken out."""
+    yield path, at
+    if isinstance(former, dict):
+        for name, value in former.items():
+            if at is None or (isinstance(now, dict) and name in now):
+                inner = now[name] if isinstance(now, dict) and name in now else None
+                yield from _moved(value, inner, (*path, name), (*at, name) if at is not None else None)
+    elif isinstance(former, list):
+        others = now if isinstance(now, list) else []
+        for number, value in enumerate(former):
+            place = _item(value, number, former, others) if at is not None else None
+            inner = others[place] if place is not None else None
+            yield from _moved(
+                value, inner, (*path, number), (*(at or ()), place) if place is not None else None
+            )
+
+
+def _item(value: YamlValue, number: int, former: Sequence[YamlValue], now: Sequence[YamlValue]) -> int | None:
+    """Return where an item of a list is now; where nothing is taken out, what differs has changed at its place."""
+    if number < len(now) and (now[number] == value or (value not in now and len(now) >= len(former))):
+        return number
+    return now.index(value) if value in now else None
+
+
+def _targets(paths: Sequence[Steps | None], line_of: Mapping[Steps, int], end: int) -> list[int | None]:
+    """Return the line of each place, or of the next one that is left; None for one that is taken out with its comments.
+
+    The last one is the end of the file.
+    """
+    found, following = list[int | None]([end]), end
+    for path in reversed(paths):
+        following = line_of.get(path, following) if path is not None else following
+        found.append(following if path is not None else None)
     return found[::-1]
 
 
@@ -429,15 +484,14 @@ def _joined(
         yield f"{line}  {beside[number]}" if number in beside else line
 
 
-def _read(data: bytes) -> tuple[Sequence[Place], list[_Comment]]:
-    """Return the places of a file but the document itself, and its comments.
+def _read(data: bytes) -> tuple[YamlValue, Sequence[Place], list[_Comment]]:
+    """Return the document of a file, the places in it, and its comments.
 
     Raises:
         ParseError: it is not YAML.
     """
     text = _BREAK.sub("\n", data.decode())
-    load_yaml(text, source="")
-    places = places_in(text)
+    document, places = load_yaml(text, source=""), places_in(text)
     masked, starts, found = _masked(text, places), [place.start for place in places], []
     for match in _COMMENT.finditer(masked):
         start = match.start()
@@ -449,8 +503,14 @@ def _read(data: bytes) -> tuple[Sequence[Place], list[_Comment]]:
         # Behind a bracket that ends a list, it is of what the list is of.
         is_own = not masked[line:start].strip()
         place = here if is_beside else following if is_own else following - 1
-        found.append(_Comment(match[0].strip(), place, is_beside))
-    return places, found
+        found.append(_Comment("".join(map(_seen, match[0].strip())), place, is_beside))
+    return document, places, found
+
+
+def _seen(character: str) -> str:
+    return (
+        character if character == "\t" else _escaped(character) if not character.isprintable() else character
+    )
 
 
 def _masked(text: str, places: Sequence[Place]) -> str:

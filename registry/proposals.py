@@ -21,7 +21,7 @@ from calibrary.records import Record, replace
 from calibrary.registry.configuration import TO_MIGRATE
 from calibrary.registry.entry import VERDICT_BLOCK, Entry, Status, Validity, digest
 from calibrary.registry.entry_checks import Judge, check, in_order
-from calibrary.registry.entry_yaml import combined, comments_in, entry_yaml, parse_entry, parsed
+from calibrary.registry.entry_yaml import combined, entry_yaml, lost_comments, parse_entry, parsed
 from calibrary.registry.fields import FieldChange, differences
 from calibrary.registry.git.history import MOVED_FROM, SOURCE_FILE, SOURCE_SHA256
 from calibrary.registry.git.objects import ObjectId, blob_id
@@ -529,8 +529,8 @@ def _as_people_wrote(snapshot: Snapshot, one: Proposal) -> Proposal:
             found += [snapshot.repo.blob(oid)] if oid is not None else []
     formers = tuple(dict.fromkeys((*one.formers, *found)))
     data = entry_yaml(one.entry, formers)
-    lost = sorted(frozenset().union(*map(comments_in, formers)) - comments_in(data))
-    said = (f"its file cannot keep {len(lost)} comments: {lost[0]:.60}",) if lost else ()
+    lost = lost_comments(data, one.entry, formers)
+    said = (lost,) if lost is not None else ()
     return replace(one, formers=formers, data=data, warnings=tuple(dict.fromkeys((*one.warnings, *said))))
 
 
@@ -559,7 +559,7 @@ def judged(snapshot: Snapshot, proposals: Proposals, judge: Judge, override: str
         if override is not None and any(finding.severity is Severity.ERROR for finding in said):
             entry = replace(entry, override=override)
             changes = differences(one.current, entry)
-            items[one.path] = replace(one, entry=entry, data=entry_yaml(entry, one.formers), changes=changes)
+            items[one.path] = _as_people_wrote(snapshot, replace(one, entry=entry, changes=changes))
             said = [*judge(one.path, entry, group, one.current, policy)]
         found += said
     return replace(proposals, items=tuple(items.values()), findings=in_order([*proposals.findings, *found]))

@@ -9,13 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from calibrary.records import replace
-from calibrary.registry.entry import Entry
+from calibrary.registry.entry import Alias, Entry
 from calibrary.registry.entry_yaml import (
     LARGEST_ENTRY,
     LEGEND,
     combined,
     comments_in,
     entry_yaml,
+    lost_comments,
     parse_entry,
 )
 from tests.registry.entries import an_entry, entries
@@ -40,7 +41,7 @@ def lines_of(data: bytes) -> list[str]:
 
 @settings(max_examples=examples(60))
 @given(entries(), entries(), st.randoms(use_true_random=False))
-def test_what_is_read_is_what_was_asked_for_and_every_comment_is_there(
+def test_what_is_read_is_what_was_asked_for_and_every_comment_is_there_or_its_loss_is_said(
     before: Entry, after: Entry, chance: random.Random
 ) -> None:
     lines, said = entry_yaml(before).decode().splitlines(), []
@@ -52,7 +53,8 @@ def test_what_is_read_is_what_was_asked_for_and_every_comment_is_there(
     data = entry_yaml(after, [former])
     assert parse_entry(data, "x") == after
     # What is added to the legend's own lines is a comment as a whole.
-    assert all(any(one in found for found in comments_in(data)) for one in said)
+    is_there = all(any(one in found for found in comments_in(data)) for one in said)
+    assert is_there == (lost_comments(data, after, [former]) is None)
     assert entry_yaml(after, [data]) == data
 
 
@@ -81,11 +83,35 @@ def test_a_comment_stays_at_its_field_and_goes_to_the_next_one_without_it() -> N
     kept = lines_of(entry_yaml(replace(ONE, calibration=an_entry(fx=3700.5).calibration), [former]))
     assert kept[kept.index("  # twice") + 1] == "  fx: 3700.5"
     assert kept[kept.index("# painted red") + 1] == 'label: "Hugo"  # since May'
-    gone = lines_of(entry_yaml(replace(ONE, label=None, tags=("c",)), [former]))
+    gone = lines_of(entry_yaml(replace(ONE, label=None, tags=("a", "b", "c")), [former]))
     at = gone.index("# painted red")
     assert gone[at + 1] == "# since May"
-    assert 'tags: ["c"]  # for searching' in gone
+    assert 'tags: ["a", "b", "c"]  # for searching' in gone
     assert {"# first", "# seen"} <= {*gone}
+
+
+def test_a_comment_goes_with_its_item_of_a_list_which_is_said_and_stays_with_one_that_moves() -> None:
+    named = tuple(Alias(make="Example", model=f"M{number}") for number in (1, 2, 3))
+    two = replace(ONE, aliases=named)
+    former = by_hand(
+        two, ('model: "M1"', 'model: "M1"  # the first'), ('model: "M3"', 'model: "M3"  # the last')
+    )
+    less = replace(ONE, aliases=named[1:])
+    data = entry_yaml(less, [former])
+    assert 'model: "M3"  # the last' in data.decode()
+    assert "# the first" not in data.decode()
+    assert (
+        lost_comments(data, less, [former])
+        == "what is taken out of its file takes the comment # the first with it"
+    )
+    assert lost_comments(entry_yaml(two, [former]), two, [former]) is None
+
+
+def test_what_cannot_be_seen_in_a_comment_is_written_as_its_escape() -> None:
+    former = by_hand(ONE, ("grade:", "# 5.2\u202e mm\tlens é\ngrade:"))
+    data = entry_yaml(replace(ONE, tags=("c",)), [former])
+    assert "# 5.2\\u202e mm\tlens é\n" in data.decode()
+    assert comments_in(former) == comments_in(data)
 
 
 def test_a_file_without_comments_is_written_as_always() -> None:
@@ -96,6 +122,10 @@ def test_a_file_that_comments_make_too_large_has_none() -> None:
     former = by_hand(ONE, ("camera:", f"# {'x' * (LARGEST_ENTRY - 1500)}\ncamera:"))
     after = replace(ONE, tags=tuple(f"tag-{number}" for number in range(300)))
     assert entry_yaml(after, [former]) == entry_yaml(after)
+    said = lost_comments(entry_yaml(after), after, [former])
+    assert said is not None
+    assert said.endswith("with them it would be larger than 256 KiB")
+    assert combined("x", entry_yaml(ONE), former, entry_yaml(after)) is None
 
 
 @pytest.mark.parametrize("text", [b"# one\nnot: [yaml # two", b"\xff # one\n# two"])
