@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from hashlib import sha256
 from itertools import groupby
 from pathlib import Path
@@ -25,6 +24,7 @@ from calibrary.registry.git.objects import ObjectId, blob_id
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.index import (
     ALIAS,
+    CHECKED,
     LABEL,
     SUPERSEDES,
     Index,
@@ -199,16 +199,6 @@ class EntryFiles(Mapping[str, bytes]):
         return len(self._order)
 
 
-def readable_entries(
-    repo: Repository, listed: Mapping[str, str], paths: Sequence[str]
-) -> Iterator[tuple[str, Entry]]:
-    """Yield the entries at some paths; unreadable ones are skipped, as the check reports them separately."""
-    for path, data in zip(paths, repo.readable([listed[path] for path in paths]), strict=True):
-        with suppress(InputError):
-            entry = parse_entry(data, path)
-            yield path, entry
-
-
 def completed(findings: Iterable[Finding], files: EntryFiles, paths: Iterable[str]) -> tuple[Finding, ...]:
     """Add findings on unreadable files, and on names that some file system or git does not allow."""
     listed = [finding for finding in findings if finding.place not in files.unreadable]
@@ -253,7 +243,9 @@ def check_all(
     before = {*known}
     found = check(files, policy, parse=files.parse, judge=judge, known=known)
     before |= {*map(model_folder, files.unreadable)}
-    index.keep_checked({keys[folder]: known[folder] for folder in known.keys() - before}, len(keys))
+    # Of a model, what was found for a few former contents and policies stays too.
+    new = {keys[folder]: known[folder] for folder in known.keys() - before}
+    index.file.keep(CHECKED, new, most=4 * len(keys))
     findings = (
         *_not_files(snapshot.repo.listing(snapshot.commit, *FOLDERS, STATEMENTS, irregular=True)),
         *completed(found, files, files),
@@ -392,7 +384,7 @@ def check_range(
     old = _affected(repo, start, {file.path: file.before for file in differing})
     files = EntryFiles.in_git(repo, new, progress)
     earlier_files = EntryFiles.in_git(repo, old)
-    before_change = _usable_before(repo, old, own)
+    before_change = _before(repo, old, own)
     found = completed(check(files, policy, before_change, judge=judge), files, own)
     known = set(check(earlier_files, policy, judge=judge)) if len(own) < len(files) else set()
     findings = tuple(item for item in found if item.place in own or item not in known)
@@ -431,9 +423,12 @@ def _of_configuration(repo: Repository, start: str, end: str) -> Iterator[Findin
         )
 
 
-def _usable_before(repo: Repository, old: Mapping[str, str], own: Collection[str]) -> dict[str, Entry]:
-    """Return the usable entries before the change, by path."""
-    return dict(readable_entries(repo, old, sorted({in_use_path(path) for path in own} & old.keys())))
+def _before(repo: Repository, old: Mapping[str, str], own: Collection[str]) -> dict[str, Entry]:
+    """Return the entries before the change, by path, without those that cannot be read: they are reported as such."""
+    paths = sorted({in_use_path(path) for path in own} & old.keys())
+    contents = repo.readable([old[path] for path in paths])
+    found = ((path, parsed_or_error(path, data)) for path, data in zip(paths, contents, strict=True))
+    return {path: entry for path, entry in found if isinstance(entry, Entry)}
 
 
 def _affected(repo: Repository, commit: str, touched: Mapping[str, str | None]) -> dict[str, str]:

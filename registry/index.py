@@ -416,20 +416,24 @@ def alias_folder(name: str) -> str:
 
 
 class Index:
-    """The files of a registry at one commit, and the names that they state."""
+    """The files of a registry at one commit, and the names that they state.
+
+    Attributes:
+        file: the cache file of the repository.
+    """
 
     def __init__(self, repo: Repository, commit: str, file: IndexFile) -> None:
         """Set up without reading anything; see :func:`index_at`."""
         self._repo = repo
         self._commit = commit
-        self._file = file
+        self.file = file
         self._overlays: dict[str, Overlay] = {}
         self._all: tuple[dict[str, str], tuple[Mention, ...]] | None = None
 
     @cached_property
     def files(self) -> Mapping[str, str]:
         """Ids of all files in ``cameras/`` and ``proposals/``, by path, sorted."""
-        found = self._from_file(self._file.files)
+        found = self._from_file(self.file.files)
         if found is None:
             return MappingProxyType(self._from_git()[0])
         base, files = found
@@ -444,7 +448,7 @@ class Index:
 
     def mentions(self, kind: str) -> list[Mention]:
         """Return the names of one kind stated by all entries, sorted by path."""
-        found = self._from_file(lambda: self._file.mentions(kind))
+        found = self._from_file(lambda: self.file.mentions(kind))
         if found is None:
             return sorted(one for one in self._from_git()[1] if one[1] == kind)
         base, mentions = found
@@ -479,7 +483,7 @@ class Index:
         """
         source = iter(files)
         while block := [*islice(source, BLOCK)]:
-            kept = _unpacked(_PACKED, self._file.kept(ENTRIES, [oid for oid, _, _ in block]))
+            kept = _unpacked(_PACKED, self.file.kept(ENTRIES, [oid for oid, _, _ in block]))
             new: dict[str, Entry] = {}
             for oid, path, data in block:
                 if isinstance(data, InputError):
@@ -489,7 +493,7 @@ class Index:
                 if oid not in kept and isinstance(entry, Entry):
                     new[oid] = entry
                 yield path, entry
-            self._file.keep(ENTRIES, new)
+            self.file.keep(ENTRIES, new)
 
     def rows(
         self,
@@ -507,14 +511,14 @@ class Index:
         names: dict[str, list[str]] = {}
         for path in files:
             names.setdefault(_block_of(path), []).append(path)
-        kept = self._from_file(lambda: self._file.at(BLOCKS, [*names]))
+        kept = self._from_file(lambda: self.file.at(BLOCKS, [*names]))
         blocks = kept[1] if kept is not None and kept[0] == self._commit else {}
         found: dict[str, Row | InputError] = {}
         for packed in blocks.values():
             with suppress(msgspec.DecodeError):
                 found.update(_in_block(packed, files, fields))
         missing = {block: paths for block, paths in names.items() if not found.keys() >= {*paths}}
-        keeps = missing and self._file.commit() == self._commit
+        keeps = missing and self.file.commit() == self._commit
         source = iter(missing)
         while some := [*islice(source, BLOCKS_AT_ONCE)]:
             paths = {block: missing[block] for block in some}
@@ -531,16 +535,12 @@ class Index:
                     block: [(path, self.files[path], new[path]) for path in paths[block]] for block in some
                 }
                 packs = {block: _packed(of) for block, of in rows.items()}
-                self._file.keep(BLOCKS, {block: one for block, one in packs.items() if one}, at=self._commit)
+                self.file.keep(BLOCKS, {block: one for block, one in packs.items() if one}, at=self._commit)
         return found
 
     def checked(self, decoder: msgspec.msgpack.Decoder[T], keys: Sequence[str]) -> dict[str, T]:
         """Return what is kept of checks, by the name of all that each follows from."""
-        return _unpacked(decoder, self._file.kept(CHECKED, keys))
-
-    def keep_checked(self, found: Mapping[str, object], models: int) -> None:
-        """Keep what checks found, by the same names; of a model also that of a few former contents and policies."""
-        self._file.keep(CHECKED, found, most=4 * models)
+        return _unpacked(decoder, self.file.kept(CHECKED, keys))
 
     def standings(
         self, paths: Sequence[str], compute: Callable[[Sequence[str]], Mapping[str, Standing]]
@@ -551,45 +551,32 @@ class Index:
             paths: paths in ``cameras/``.
             compute: returns it of those that are not kept.
         """
-        kept = self._from_file(lambda: self._file.at(STANDINGS, paths))
+        kept = self._from_file(lambda: self.file.at(STANDINGS, paths))
         found = _unpacked(_STANDING, kept[1] if kept is not None and kept[0] == self._commit else {})
         if missing := [path for path in paths if path not in found]:
             new = compute(missing)
             found.update(new)
-            self._file.keep(STANDINGS, new, at=self._commit)
+            self.file.keep(STANDINGS, new, at=self._commit)
         return found
 
     def seen(self, ref: str, subjects: Iterable[str]) -> dict[str, list[str]]:
         """Return the ids of the statements that were read before on a branch, by their subject."""
-        base = self._file.commit()
+        base = self.file.commit()
         # Another registry in the place of a former one is not measured by that.
-        return self._file.seen(ref, subjects) if base is not None and self._repo.holds(base) else {}
-
-    def remember(self, ref: str, statements: Mapping[str, Iterable[str]]) -> None:
-        """Keep the ids of statements that were read, by the branch and their subject."""
-        self._file.remember(ref, statements)
-
-    def forget(self, ref: str, names: Iterable[str]) -> None:
-        """Forget statements that the person who reads here has given up, by the branch and their ids."""
-        self._file.forget(ref, names)
-
-    @property
-    def place(self) -> Path:
-        """The cache file."""
-        return self._file.path
+        return self.file.seen(ref, subjects) if base is not None and self._repo.holds(base) else {}
 
     def _from_file(self, ask: Callable[[], tuple[str, T] | None]) -> tuple[str, T] | None:
         """Query the file, after updating it to a commit from which this one can be reached."""
         if self._all is not None:
             return None
-        base = self._file.commit()
+        base = self.file.commit()
         if base is None or not self._repo.holds(base):
             files, mentions = self._from_git()
-            self._file.replace(self._commit, files, mentions, is_other=base is not None)
+            self.file.replace(self._commit, files, mentions, is_other=base is not None)
             return None
         if base != self._commit and self._repo.tip() == self._commit:
             overlay = self._overlay(base)
-            self._file.advance(base, self._commit, overlay)
+            self.file.advance(base, self._commit, overlay)
         found = ask()
         if found is None or not self._repo.holds(found[0]):
             self._from_git()

@@ -215,7 +215,7 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         repo, commit = self.require_git("has no statements")
         found = Book(repo, commit, known=self._founded_as)
         if self._is_tip and self._founded_as is None:
-            self.contents.remember(self._ref, {RULES: [found.rulebook.foundation]})
+            self.contents.file.remember(self._ref, {RULES: [found.rulebook.foundation]})
         return found
 
     @cached_property
@@ -259,7 +259,7 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
             if in_force.problem is None:
                 seen[subject] = [one.id for one in statements]
         if self._is_tip and any(seen.values()):
-            self.contents.remember(self._ref, seen)
+            self.contents.file.remember(self._ref, seen)
         return found
 
     def _each(

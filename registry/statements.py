@@ -203,8 +203,6 @@ def ledger_path(digest: str) -> str:
 
 FEW: Final = 2000
 """Lines of a list up to which it is one file."""
-Ledger = Mapping[str, Sequence[str]]
-"""Lines of a list by the subject they are of; the first word of each line is the beginning of the subject's digest."""
 
 
 def line_key(subject: str) -> str:

@@ -187,7 +187,7 @@ def _forget(repo: Repository, before: str | None, now: str | None) -> None:
         return
     gone = repo.listing(before, STATEMENTS).keys() - repo.listing(now, STATEMENTS).keys()
     if gone:
-        index_at(repo, now).forget(repo.head_ref or "HEAD", [path.rpartition("/")[2] for path in gone])
+        index_at(repo, now).file.forget(repo.head_ref or "HEAD", [path.rpartition("/")[2] for path in gone])
 
 
 def _require_whole(repo: Repository, files: Sequence[File], dropped: Collection[str]) -> None:

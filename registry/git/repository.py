@@ -372,14 +372,16 @@ class Repository:
         Raises:
             RegistryError: as for :meth:`objects`.
         """
-        try:
-            yield from [*self.objects(oids)]
-        except TooLargeError:
-            for oid in oids:
-                try:
-                    yield self.blob(oid)
-                except TooLargeError:
-                    yield b""
+        for start in range(0, len(oids), AT_ONCE):
+            some = oids[start : start + AT_ONCE]
+            try:
+                yield from [*self.objects(some)]
+            except TooLargeError:
+                for oid in some:
+                    try:
+                        yield self.blob(oid)
+                    except TooLargeError:
+                        yield b""
 
     def objects(self, oids: Sequence[str], kind: bytes = b"blob") -> Iterator[bytes]:
         """Yield the contents of many objects, in the order of their ids, with few of them in memory.

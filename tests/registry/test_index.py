@@ -292,7 +292,7 @@ def test_a_check_finds_what_it_finds_without_anything_kept_whatever_became_of_th
     def found() -> tuple[Finding, ...]:
         return check_all(open_snapshot(repo.path)).findings
 
-    file = index_at(repo, tip(repo)).place
+    file = index_at(repo, tip(repo)).file.path
     assert found() == ()
     put(repo.path, label(an_entry(model="Two", serial="2")))
     after = found()
@@ -311,7 +311,7 @@ def test_what_checks_found_of_former_contents_is_not_kept_for_ever(repo: Reposit
     for number in range(12):
         put(repo.path, an_entry(model="Plain", notes=(f"note {number}",)))
         assert check_all(open_snapshot(repo.path)).findings == ()
-    with closing(sqlite3.connect(index_at(repo, tip(repo)).place)) as db:
+    with closing(sqlite3.connect(index_at(repo, tip(repo)).file.path)) as db:
         [[kept]] = db.execute("SELECT count(*) FROM checked")
     assert 2 <= kept <= 10
 
@@ -323,7 +323,7 @@ def as_before_statements(fleet: Path) -> None:
     git(fleet, "rm", "-rq", "statements")
     git(fleet, "commit", "-qam", "As before")
     repo = Repository.open(fleet)
-    index_at(repo, tip(repo)).place.unlink(missing_ok=True)
+    index_at(repo, tip(repo)).file.path.unlink(missing_ok=True)
 
 
 @pytest.mark.parametrize("key", [KEY, replace(KEY, make="Other", model="Name"), replace(KEY, model="odd")])
