@@ -746,14 +746,16 @@ def _with_index(repo: Repository, *command: str, stdin: bytes | None = None) -> 
     """Run a git command that writes the index on a copy of it, which takes its place afterwards.
 
     A git that is killed would leave ``index.lock``, which nobody but a person may remove. The lock is here another name
-    of the copy, for a moment: left behind, it is known to be ours.
+    of the copy, for a moment: left behind, it is known to be ours. Each copy has a name of its own, as the git of a
+    writer that was killed may go on to write into the one that it was given.
     """
-    index, own, lock = (repo.git_dir / name for name in ("index", OWN_INDEX, "index.lock"))
+    copy = f"{OWN_INDEX}-{os.getpid()}-{os.urandom(4).hex()}"
+    index, own, lock = (repo.git_dir / name for name in ("index", copy, "index.lock"))
     try:
-        with suppress(FileNotFoundError):
-            if lock.samefile(own):
-                lock.unlink()
-        for left in (own, Path(f"{own}.lock")):
+        for left in repo.git_dir.glob(f"{OWN_INDEX}*"):
+            with suppress(FileNotFoundError):
+                if lock.samefile(left):
+                    lock.unlink()
             left.unlink(missing_ok=True)
         before = index.read_bytes() if index.exists() else None
         if before is not None:

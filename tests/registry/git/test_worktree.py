@@ -205,6 +205,26 @@ def test_an_older_version_that_a_person_put_back_after_a_kill_is_not_overwritten
     assert entry.read_bytes() == b"fx: 0.5\n"
 
 
+def test_the_git_of_a_killed_writer_that_goes_on_changes_no_later_index(
+    checked_out: Repository, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    older, given, real = checked_out.newest(), list[Any](), Repository.run
+
+    def run(repo: Repository, *arguments: str, **options: Any) -> Any:
+        done = real(repo, *arguments, **options)
+        if "GIT_INDEX_FILE" in (options.get("extra") or {}):
+            given.append(options["extra"])
+            if len(given) > 1:
+                real(repo, "read-tree", older, extra=given[0])
+        return done
+
+    monkeypatch.setattr(Repository, "run", run)
+    put(checked_out, {ENTRY: b"fx: 2.0\n"})
+    put(checked_out, {ENTRY: b"fx: 3.0\n"})
+    assert len(given) > 1
+    assert git(checked_out.path, "status", "--porcelain") == ""
+
+
 def test_a_branch_that_another_work_tree_shows_is_written_there_only(
     checked_out: Repository, tmp_path: Path
 ) -> None:
