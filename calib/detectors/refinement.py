@@ -10,6 +10,9 @@ from calibrary.calib.frames import Gray
 DETECTION_SIDE = 1280
 """Longer side in px of the copy. The corners equal those from the full image, in a hundredth of the time."""
 
+HALVED_FROM = 3
+"""Reduction from which an image is halved first: to average whole pixels takes OpenCV a tenth of the time."""
+
 SMALLEST_WINDOW, LARGEST_WINDOW = 3, 15
 WINDOW_SHARE = 0.3
 """Half-width of the window in spacings. A window that reaches close to the next corner biases the corner, like a fixed
@@ -31,6 +34,10 @@ def reduced(gray: Gray, side: int = DETECTION_SIDE) -> tuple[Gray, FloatArray]:
         return gray, np.ones(2)
     shrink = side / max(width, height)
     size = max(1, round(width * shrink)), max(1, round(height * shrink))
+    while max(gray.shape) >= HALVED_FROM * side:
+        gray = np.asarray(
+            cv2.resize(gray, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA), dtype=np.uint8
+        )
     small = np.asarray(cv2.resize(gray, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
     return small, np.array([width / size[0], height / size[1]])
 
