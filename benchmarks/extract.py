@@ -37,9 +37,9 @@ from calibrary.parsers.imagery.source import open_source
 GATE = """\
 import resource, sys
 from pathlib import Path
-from calibrary.cli.main import main
+from calibrary.__main__ import main
 
-code = main(sys.argv[1:])
+code = main()
 status = Path("/proc/self/status")
 if status.exists():
     [peak] = [line.split()[1] for line in status.read_text().splitlines() if line.startswith("VmHWM")]

@@ -9,6 +9,7 @@ import argparse
 import json
 import re
 import sys
+from codecs import getincrementaldecoder
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
@@ -130,6 +131,7 @@ def add_commands(parser: argparse.ArgumentParser, commands: Sequence[Command], *
 
 
 GROUP = "what is printed"
+PART_BYTES = 1 << 20
 _BEYOND_ASCII = re.compile(r"[^\x00-\x7f]+")
 
 
@@ -189,8 +191,12 @@ def print_json(document: Mapping[str, object] | Record, *, indent: Literal[2] | 
     """Print the document as ASCII, whatever the terminal's language."""
     from calibrary.records import encoded
 
-    text = encoded(document, indent=indent or 0).decode()
-    sys.stdout.write((text if text.isascii() else _BEYOND_ASCII.sub(_escaped, text)) + "\n")
+    octets, decoder = encoded(document, indent=indent or 0), getincrementaldecoder("utf-8")()
+    # In parts, because each step to the terminal copies what it is given.
+    for start in range(0, len(octets), PART_BYTES):
+        text = decoder.decode(octets[start : start + PART_BYTES])
+        sys.stdout.write(text if text.isascii() else _BEYOND_ASCII.sub(_escaped, text))
+    sys.stdout.write("\n")
 
 
 def _escaped(found: re.Match[str]) -> str:

@@ -111,7 +111,8 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         # The same bytes as in the report file, whatever the terminal's encoding.
         sys.stdout.flush()
-        sys.stdout.buffer.write(encode(result))
+        planned = result.outputs
+        sys.stdout.buffer.write(planned.files[planned.report] if planned.report else encode(result))
     display.show(result, program=arguments.to, dry_run=arguments.dry_run, explain=arguments.explain)
     return int(result.exit_code)
 

@@ -169,20 +169,33 @@ def encoded(document: Mapping[str, object] | Record, *, indent: int = 2) -> byte
         document: a record, or plain values with finite numbers.
         indent: columns per level; 0 for a single line.
     """
-    plain = to_json(document) if isinstance(document, Record) else document
     try:
-        compact = msgspec.json.encode(plain)
+        compact = msgspec.json.encode(
+            document._wire(fields_json(document, _in_parts)) if isinstance(document, Record) else document
+        )
     except UnicodeEncodeError:
         # msgspec cannot encode a surrogate, nor indent a document that contains its escape.
+        plain = to_json(document) if isinstance(document, Record) else document
         text = json.dumps(plain, indent=indent or None, ensure_ascii=False, allow_nan=False)
         return text.encode(errors="backslashreplace")
-    # The plain values of a long report use more memory than its text, so they are freed before it is indented.
-    del plain
     return msgspec.json.format(compact, indent=indent)
 
 
-def fields_json(record: Record) -> dict[str, Json]:
-    """The fields of a record as JSON, without its own ``_wire``; nested records are in their written form."""
+def _in_parts(value: object) -> Any:
+    """As :func:`_plain`, with the records of a list encoded, so that their plain values exist one at a time."""
+    if isinstance(value, tuple) and value and isinstance(value[0], Record):
+        return [msgspec.Raw(msgspec.json.encode(_plain(one))) for one in value]
+    return _plain(value)
+
+
+def fields_json(record: Record, plain: Callable[[object], Json] | None = None) -> dict[str, Json]:
+    """The fields of a record as JSON, without its own ``_wire``; nested records are in their written form.
+
+    Args:
+        record: the record.
+        plain: converts a value that is no record; by default to plain values throughout.
+    """
+    plain = plain or _plain
     config = record.__struct_config__
     document: dict[str, Json] = {}
     if config.tag_field is not None:
@@ -194,9 +207,7 @@ def fields_json(record: Record) -> dict[str, Json]:
         if type(value) in AS_THEY_ARE:
             document[written] = value
         else:
-            document[written] = (
-                value._wire(fields_json(value)) if isinstance(value, Record) else _plain(value)
-            )
+            document[written] = value._wire(fields_json(value)) if isinstance(value, Record) else plain(value)
     return document
 
 

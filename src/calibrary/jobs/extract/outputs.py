@@ -238,6 +238,7 @@ def plan(
         exit_code=exit_code,
         outputs=Outputs(
             files=files,
+            report=report_path,
             matrices=matrices,
             stale=stale,
             not_handed_over=refused,

@@ -173,6 +173,7 @@ class Outputs(Struct, frozen=True, kw_only=True):
 
     Attributes:
         files: content by path.
+        report: path of the report.
         matrices: name of the K file by camera slug.
         stale: K and solver files of an earlier run that this run does not replace.
         not_handed_over: reason why the solver does not get a camera's K, by slug.
@@ -184,6 +185,7 @@ class Outputs(Struct, frozen=True, kw_only=True):
     """
 
     files: dict[Path, bytes] = field(default_factory=dict)
+    report: Path | None = None
     matrices: dict[str, str] = field(default_factory=dict)
     stale: tuple[Path, ...] = ()
     not_handed_over: dict[str, str] = field(default_factory=dict)
