@@ -359,38 +359,55 @@ static Py_ssize_t project(Plan p, const double *rays, Py_ssize_t n, double *pixe
     return lost;
 }
 
+/* Points of the plane out of pixels; before the plane's terms, if it has any. */
+CLONES static void centred(Plan p, int n, const double *__restrict pixel, double *__restrict u, double *__restrict v) {
+    double cx = p[CX], cy = p[CY], fx = p[FX], fy = p[FY], skew = p[SKEW];
+    for (int i = 0; i < n; i++) {
+        v[i] = (pixel[2 * i + 1] - cy) / fy;
+        u[i] = (pixel[2 * i] - cx - skew * v[i]) / fx;
+    }
+}
+
+/* The rays that are good, NaN in place of the others, and the number of these. */
+CLONES static int judged(double square, int n, const double *__restrict x, const double *__restrict y,
+                         const double *__restrict X, const double *__restrict Y, const double *__restrict Z,
+                         const double *__restrict unsettled, const double *__restrict steep,
+                         const double *__restrict doubt, const double *__restrict bend, const int *__restrict seen,
+                         double *__restrict ray) {
+    int lost = 0;
+    for (int i = 0; i < n; i++) {
+        int good = seen[i] & (unsettled[i] <= 0.0) & (steep[i] > 0.0) & (doubt[i] <= 0.0) & (bend[i] > 0.0);
+        good &= (x[i] * x[i] + y[i] * y[i] < square) & (fabs(X[i]) <= 2.0) & (fabs(Y[i]) <= 2.0) & (fabs(Z[i]) <= 2.0);
+        ray[3 * i] = good ? X[i] : NAN;
+        ray[3 * i + 1] = good ? Y[i] : NAN;
+        ray[3 * i + 2] = good ? Z[i] : NAN;
+        lost += !good;
+    }
+    return lost;
+}
+
 static Py_ssize_t unproject(Plan p, const double *pixels, Py_ssize_t n, double *rays) {
     Py_ssize_t lost = 0;
+    int seen[BLOCK], plane = (int)p[PLANE], front = (int)p[FRONT];
+    double u[BLOCK], v[BLOCK], x[BLOCK], y[BLOCK], t[BLOCK], unsettled[BLOCK], steep[BLOCK], doubt[BLOCK], bend[BLOCK];
+    double X[BLOCK], Y[BLOCK], Z[BLOCK];
+    for (int i = 0; i < BLOCK; i++) { /* for models without the steps that set them */
+        t[i] = unsettled[i] = doubt[i] = 0.0;
+        steep[i] = bend[i] = 1.0;
+    }
     for (Py_ssize_t at = 0; at < n; at += BLOCK) {
         /* Whole vectors: loops over a few points more are quicker than loops with a remainder. */
-        int count = (int)(n - at < BLOCK ? n - at : BLOCK), width = count < 8 ? count : (count + 7) & ~7, seen[BLOCK];
-        double u[BLOCK], v[BLOCK], x[BLOCK], y[BLOCK], t[BLOCK], unsettled[BLOCK], steep[BLOCK], doubt[BLOCK], bend[BLOCK];
-        double X[BLOCK], Y[BLOCK], Z[BLOCK];
-        const double *pixel = pixels + 2 * at;
-        double *ray = rays + 3 * at;
-        for (int i = 0; i < width; i++) {
-            u[i] = v[i] = t[i] = unsettled[i] = doubt[i] = 0.0;
-            steep[i] = bend[i] = 1.0;
-        }
-        for (int i = 0; i < count; i++) {
-            v[i] = (pixel[2 * i + 1] - p[CY]) / p[FY];
-            u[i] = (pixel[2 * i] - p[CX] - p[SKEW] * v[i]) / p[FX];
-        }
+        int count = (int)(n - at < BLOCK ? n - at : BLOCK), width = count < 8 ? count : (count + 7) & ~7;
+        centred(p, count, pixels + 2 * at, u, v);
+        for (int i = count; i < width; i++) u[i] = v[i] = 0.0;
         for (int i = 0; i < width; i++) {
             x[i] = u[i];
             y[i] = v[i];
         }
-        if (p[PLANE] != NONE) plane_inverses(p, width, u, v, x, y, unsettled, steep);
-        if (p[FRONT] == ANGLE) angle_inverses(p, width, x, y, t, doubt, bend);
+        if (plane != NONE) plane_inverses(p, width, u, v, x, y, unsettled, steep);
+        if (front == ANGLE) angle_inverses(p, width, x, y, t, doubt, bend);
         directions(p, count, x, y, t, X, Y, Z, seen);
-        for (int i = 0; i < count; i++) {
-            int good = seen[i] & (unsettled[i] <= 0.0) & (steep[i] > 0.0) & (doubt[i] <= 0.0) & (bend[i] > 0.0);
-            good &= (x[i] * x[i] + y[i] * y[i] < p[SQUARE]) & (fabs(X[i]) <= 2.0) & (fabs(Y[i]) <= 2.0) & (fabs(Z[i]) <= 2.0);
-            ray[3 * i] = good ? X[i] : NAN;
-            ray[3 * i + 1] = good ? Y[i] : NAN;
-            ray[3 * i + 2] = good ? Z[i] : NAN;
-            lost += !good;
-        }
+        lost += judged(p[SQUARE], count, x, y, X, Y, Z, unsettled, steep, doubt, bend, seen, rays + 3 * at);
     }
     return lost;
 }
