@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Mapping
-from difflib import get_close_matches
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -105,6 +104,8 @@ def format_named(name: str, file: str | Path = "") -> Format:
 
 def _similar(name: str) -> list[str]:
     """Up to three names of formats and programs that contain the name or a part of it, or are spelled like it."""
+    from difflib import get_close_matches  # noqa: PLC0415  only for a name that is wrong
+
     word, every = name.casefold(), [*PROGRAMS, *known_formats()]
     alike = [one for one in every if len(word) > 2 and (word in one or one in word)]
     return list(dict.fromkeys([*alike, *get_close_matches(word, every)]))[:3]
