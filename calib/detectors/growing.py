@@ -196,7 +196,8 @@ def _saddles(gray: Gray, sigma: float) -> FloatArray:
     peaks = (height == cv2.dilate(height, np.ones((7, 7)))) & (
         height > FAINTEST_SADDLE * np.percentile(height[::2, ::2], 99.9)
     )
-    y, x = np.nonzero(peaks)
+    found = cv2.findNonZero(peaks.view(np.uint8))  # by rows, as np.nonzero, which takes four times as long
+    x, y = np.empty((2, 0), dtype=np.intp) if found is None else found.reshape(-1, 2).T
     order = np.argsort(-height[y, x])[:MOST_SADDLES]
     return np.column_stack([x, y])[order].astype(np.float64)
 
