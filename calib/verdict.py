@@ -16,7 +16,7 @@ from calibrary.calib.misfit import Misfit
 from calibrary.calib.model_choice import Candidate, WarpTest
 from calibrary.calibration import ImageSize
 from calibrary.policy import Policy
-from calibrary.probability import two_digits
+from calibrary.probability import two_digits, whole_percent
 from calibrary.quality import Proven
 from calibrary.records import Record
 from calibrary.validation import Finding, Severity
@@ -298,11 +298,6 @@ def uses_of(evidence: Evidence, findings: Iterable[Finding], policy: Policy) -> 
 def _check(use: AskedUse, known: str, against: tuple[str, ...]) -> UseCheck:
     said = f"{known}; {', '.join(against)}" if against else known
     return UseCheck(use=use, holds=not against, why=said, against=against)
-
-
-def whole_percent(share: float) -> str:
-    """Return a share in whole per cent, never rounded up to the limit that it misses."""
-    return f"{math.floor(share * 100 + 1e-9)}%"
 
 
 def _numbers(e: Evidence, policy: Policy, height_cm: float) -> str:

@@ -8,10 +8,10 @@ from typing import Final
 
 from calibrary.calib.misfit import Cause
 from calibrary.calib.rejection import in_px
-from calibrary.calib.verdict import LIMITS, Evidence, Limits, whole_percent
+from calibrary.calib.verdict import LIMITS, Evidence, Limits
 from calibrary.calibration import ImageSize
 from calibrary.policy import FLEET, Policy
-from calibrary.probability import two_digits
+from calibrary.probability import two_digits, whole_percent
 from calibrary.validation import Finding, Severity
 
 

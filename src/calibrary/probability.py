@@ -107,6 +107,11 @@ def _lentz(first: float, fraction: Callable[[int], tuple[float, float]]) -> floa
     return 1 / value
 
 
+def whole_percent(share: float) -> str:
+    """Return a share in whole per cent, never rounded up to the limit that it misses."""
+    return f"{math.floor(share * 100 + 1e-9)}%"
+
+
 def two_digits(value: float) -> str:
     """Return the value to two digits, and above 100 to the whole number; never as a power of ten.
 

@@ -34,6 +34,7 @@ from calibrary.pages import (
 )
 from calibrary.pages.plots import correlations
 from calibrary.pages.wording import SEVERITIES, rounded
+from calibrary.probability import whole_percent
 from calibrary.provenance import facts, label
 from calibrary.validation import Finding, Severity
 
@@ -250,7 +251,10 @@ def _geometry_facts(report: CalibrateReport) -> KeyValues:
             ("median distance", _distance(report)),
             ("cells with a corner", f"{seen.coverage.fraction:.0%}"),
             ("reach towards the frame's corners", f"{seen.coverage.reach:.0%}"),
-            ("proven", f"{report.uses.share:.0%}, within {report.uses.radius_px:.0f} px of the middle"),
+            (
+                "proven",
+                f"{whole_percent(report.uses.share)}, within {report.uses.radius_px:.0f} px of the middle",
+            ),
         )
     )
 

@@ -15,7 +15,7 @@ from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import NoDistortion
 from calibrary.errors import CalibrationError
 from calibrary.policy import Policy
-from calibrary.probability import two_digits
+from calibrary.probability import two_digits, whole_percent
 from calibrary.quality import Proven
 from calibrary.records import Record
 
@@ -142,7 +142,7 @@ def _where_proven(proven: Proven, focal: float, policy: Policy) -> Allowed:
         if sigma is not None
         else "nowhere"
     )
-    known = f"known {within} ({proven.share:.0%} of the {image}) and to {focal:.2%} of f"
+    known = f"known {within} ({whole_percent(proven.share)} of the {image}) and to {focal:.2%} of f"
     limit = (
         f"; to keep it fixed {policy.fixed_sigma_px:g} px over {policy.fixed_share:.0%} and "
         f"{policy.fixed_sigma_focal:.2%} are needed"
