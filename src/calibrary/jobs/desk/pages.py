@@ -11,7 +11,7 @@ from datetime import date
 from importlib import resources
 from pathlib import Path, PurePosixPath
 from typing import Final
-from urllib.parse import parse_qsl, quote, urlencode
+from urllib.parse import parse_qsl, quote, urlencode, urlsplit
 
 import numpy as np
 from msgspec import Struct
@@ -28,12 +28,14 @@ from calibrary.errors import (
     AmbiguousCameraError,
     CalibraryError,
     InputError,
+    MissingExtraError,
     RegistryError,
     UnknownCameraError,
 )
+from calibrary.extras import LABELS, require
 from calibrary.jobs.desk import boards, comparing, flights, onboarding
 from calibrary.jobs.desk.flights import Drop
-from calibrary.jobs.desk.guard import Keys
+from calibrary.jobs.desk.guard import LOOPBACK, Keys
 from calibrary.jobs.desk.review import decided, decision, decision_forms, proposal, queue
 from calibrary.jobs.desk.running import REPORT, SAME, desk_page, running
 from calibrary.jobs.desk.work import PATIENCE_S, Job, Jobs
@@ -51,6 +53,7 @@ from calibrary.jobs.site.camera_page import (
     steps,
 )
 from calibrary.jobs.site.folder import INDEX, Place
+from calibrary.jobs.site.labels import code_of
 from calibrary.jobs.weigh.use import allowed
 from calibrary.known_camera import KnownCamera
 from calibrary.pages import (
@@ -61,6 +64,7 @@ from calibrary.pages import (
     Column,
     Details,
     Field,
+    Figure,
     Form,
     Frame,
     KeyValues,
@@ -114,11 +118,12 @@ IMAGES: Final = 2
 
 
 class Asked(Struct, frozen=True, kw_only=True):
-    """What a request asks: the parts of its address, and the fields of its query or form."""
+    """What a request asks: the parts of its address, and the fields of its query or form; where the desk answers."""
 
     path: Mapping[str, str]
     fields: Mapping[str, object]
     is_form: bool = False
+    home: str = ""
 
     @property
     def texts(self) -> dict[str, str]:
@@ -262,7 +267,8 @@ class Pages:
         return Route(address, endpoint, methods=["POST"])
 
     async def _answer(self, make: Made, request: Request, fields: Mapping[str, object]) -> Response:
-        asked = Asked(path=request.path_params, fields=fields, is_form=request.method == "POST")
+        home, is_form = str(request.base_url), request.method == "POST"
+        asked = Asked(path=request.path_params, fields=fields, is_form=is_form, home=home)
         return await run_in_threadpool(self._shown, make, asked)
 
     def _shown(self, make: Made, asked: Asked) -> Response:
@@ -321,7 +327,7 @@ class Pages:
         elif words and (known := search_catalogue(words)):
             answers.append(_known(known))
         elif not answers:
-            blocks.append("The registry contains no camera yet.")
+            blocks += ["The registry contains no camera yet.", Link("Onboard what came with one", "/onboard")]
         return desk_page(
             title="Which K do I use?",
             lead=self._about(fleet),
@@ -340,9 +346,9 @@ class Pages:
             # Words that are no KEY may still be part of the name of one camera.
             [*fits] = fleet.listing(words.split()).chosen.paths if words else ()
             if len(fits) != 1:
+                action = "look at those below" if fits else None
                 yield Section(
-                    title="Not one camera",
-                    blocks=(Note(text=str(error), action="look at those below", tone=Tone.CAUTION),),
+                    title="Not one camera", blocks=(Note(text=str(error), action=action, tone=Tone.CAUTION),)
                 )
                 return
             words = id_of(fits[0])
@@ -596,6 +602,7 @@ class Pages:
                 *_program_flags(K),
                 Link("Compare it with another state of it, or a file", f"/compare?{urlencode({'b': id_})}"),
                 self._command("registry", "show", id_),
+                Details(summary="QR code", blocks=tuple(_code(asked.home, _place(path)))),
             ),
         )
         decide = Section(title="Decide", blocks=tuple(decision_forms(id_, stored.base or "")))
@@ -675,6 +682,23 @@ def _good_for(calibration: Calibration, fleet: Fleet) -> Iterator[Block]:
     said = f"{USES[found.use.value]}: {found.why}."
     yield KeyValues((("use", Badge(found.use.value, Tone.GOOD if found.use == "fixed" else Tone.CAUTION)),))
     yield said
+
+
+def _code(home: str, place: Place) -> Iterator[Block]:
+    """The QR code that opens a page; of a desk that no telephone can reach, what prints one."""
+    if urlsplit(home).hostname in {LOOPBACK, "localhost"}:
+        yield "This desk answers this machine alone. Codes of pages that are served elsewhere, for each unit a label:"
+        yield Code(text="calibrary registry site FOLDER --labels https://HOST/PATH/", label="In a terminal")
+        return
+    try:
+        require(LABELS, "a QR code")
+    except MissingExtraError as error:
+        yield str(error)
+        return
+    address = home + quote(place.page, safe="/")
+    yield Figure(
+        svg=code_of(address, light="#ffffff"), alt=f"QR code of {address}", caption=f"It opens {address}"
+    )
 
 
 def _for_programs(files: Sequence[Download], query: str) -> Iterator[Block]:

@@ -89,13 +89,17 @@ def sheet(labels: Iterable[Label], address: str) -> str:
     return HEAD + "".join(parts) + "</ul>\n</body>\n</html>\n"
 
 
-def _label(one: Label, address: str) -> str:
+def code_of(address: str, light: str | None = None) -> str:
+    """Return a QR code as SVG, black on what is around it, or on the colour ``light``."""
     import segno
 
-    url = address + quote(one.page, safe="/")
-    code = segno.make_qr(url, error="m").svg_inline(
-        omitsize=True, border=QUIET, svgclass=None, lineclass=None
+    return segno.make_qr(address, error="m").svg_inline(
+        omitsize=True, border=QUIET, svgclass=None, lineclass=None, light=light
     )
+
+
+def _label(one: Label, address: str) -> str:
+    code = code_of(address + quote(one.page, safe="/"))
     lines = (one.camera, f"sn-{one.serial[:HASH_DIGITS]}", one.entry)
     text = "<br>".join(escape(line) for line in lines)
     return (
