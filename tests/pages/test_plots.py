@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
+from datetime import date
 
 import cv2
 import matplotlib as mpl
@@ -30,11 +31,13 @@ from calibrary.pages.plots import (
     vector_field,
 )
 from calibrary.pages.plots.canvas import number
+from calibrary.pages.plots.intervals import Dated, over_time
 from calibrary.pages.svg import inline_svg
 from calibrary.quality import Covariance
 from tests.pages.gallery import BROWN, FISHEYE, HOSTILE, SIZE, calibration, plots
 
 PX = Axis("rms", "px")
+DAY = date(2026, 5, 1)
 NOTHING = np.empty((0, 2))
 LOST = np.full((3, 2), math.nan)
 
@@ -272,3 +275,10 @@ class TestTheLens:
 )
 def test_a_number_has_three_digits(value: float, text: str) -> None:
     assert number(value) == text
+
+
+def test_measurements_of_one_day_stand_side_by_side() -> None:
+    measured = [Dated(day=DAY, value=value, std=1.0, role=Role.AGREES) for value in (100.0, 100.5)]
+    svg = over_time(measured, (), axis=PX, caption="x").svg
+    bars = re.findall(r'id="LineCollection_\d">\s*<path d="M ([\d.]+)', svg)
+    assert len(set(bars)) == 2

@@ -30,7 +30,7 @@ from calibrary.pages import (
     Table,
     render_page,
 )
-from calibrary.pages.wording import LONGEST, visible
+from calibrary.pages.wording import LONGEST, sentence, visible
 from tests.pages.gallery import HOSTILE, gallery, plots
 
 VOID = {"meta", "link", "img", "br", "circle", "path", "rect", "image", "use", "line"}
@@ -223,8 +223,27 @@ class TestBlocks:
         assert "<p>one two</p>" in page("one\ntwo")
 
     def test_no_line_ends_within_a_flag_of_a_command(self) -> None:
-        html = page(Note(text="x", action="calibrary registry approve --from <a--b> --yes"))
-        assert '<span class="flag">--from</span> &lt;a--b&gt; <span class="flag">--yes</span>' in html
+        html = page(Note(text="x", action="calibrary registry approve (--from <a--b>) --yes"))
+        assert '(<span class="whole">--from</span> &lt;a--b&gt;) <span class="whole">--yes</span>' in html
+
+    @pytest.mark.parametrize(
+        ("text", "said"),
+        [
+            ("few views", "Few views."),
+            ("camera: none.", "Camera: none."),
+            ("dji-fc330-4000x3000: zoomed", "dji-fc330-4000x3000: zoomed."),
+            ("left08.jpg is blurred", "left08.jpg is blurred."),
+        ],
+    )
+    def test_a_sentence_begins_with_a_capital_unless_with_a_name(self, text: str, said: str) -> None:
+        assert sentence(text) == said
+
+    @pytest.mark.parametrize(("titles", "stacks"), [((30, 20), True), ((20, 10), False), ((5,) * 11, False)])
+    def test_a_phone_lists_the_rows_that_are_too_wide_for_it(
+        self, titles: tuple[int, ...], stacks: bool
+    ) -> None:
+        columns = tuple(Column("x" * length) for length in titles)
+        assert Table(caption="c", columns=columns, rows=(("1",) * len(titles),)).stacks is stacks
 
     def test_a_list_of_parts_stands_above_three_or_more_unless_the_page_has_its_own(self) -> None:
         def listed(count: int, *, contents: bool = True) -> bool:

@@ -65,6 +65,10 @@ __all__ = [
 
 SENTENCE: Final = 40
 """Characters from which a cell of a table is shown as a sentence."""
+PHONE, GAP = 46, 2
+"""Characters that a row of a table has room for on a phone, and those between two columns."""
+MOST_STACKED: Final = 10
+"""Columns of a row that is read as a list; a list of a whole registry is searched, and shows its first columns."""
 
 
 class Tone(StrEnum):
@@ -112,6 +116,10 @@ class Link(Struct, frozen=True):
 Cell: TypeAlias = str | Badge | Link
 
 
+def _text(cell: Cell) -> str:
+    return cell if isinstance(cell, str) else cell.text
+
+
 class Column(Struct, frozen=True):
     """A column of a table.
 
@@ -125,7 +133,7 @@ class Column(Struct, frozen=True):
 
 
 class Table(Struct, frozen=True, kw_only=True):
-    """A table; if it is wider than the screen, it scrolls horizontally.
+    """A table; a phone shows the rows of a wide one as lists, and what is still too wide scrolls horizontally.
 
     To add a column to a page, add its :class:`Column` and its cell, in the same order; both stand in the page's module.
 
@@ -152,9 +160,16 @@ class Table(Struct, frozen=True, kw_only=True):
                 )
 
     @property
-    def is_prose(self) -> bool:
-        """Whether cells are sentences: then a phone shows each row as a list, so that none is cut off."""
-        return any(isinstance(cell, str) and len(cell) > SENTENCE for row in self.rows for cell in row[1:])
+    def stacks(self) -> bool:
+        """Whether a phone shows each row as a list, so that nothing is cut off: of sentences, or of wide rows."""
+        if any(isinstance(cell, str) and len(cell) > SENTENCE for row in self.rows for cell in row[1:]):
+            return True
+        told = [
+            [column.title, *map(_text, cells)]
+            for column, *cells in zip(self.columns, *self.rows, strict=True)
+        ]
+        wide = sum(GAP + max(map(len, texts)) for texts in told)
+        return wide > PHONE and len(self.columns) <= MOST_STACKED
 
 
 class Figure(Struct, frozen=True, kw_only=True):

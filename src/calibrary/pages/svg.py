@@ -43,6 +43,8 @@ LONG_NUMBER = re.compile(r"-?\d+\.\d{3,}(?:e-?\d+)?")
 CLASSES = {colour.light: colour.role for colour in Colour}
 LONGEST_REMEMBERED = 200
 """Attributes longer than this many characters are not cached: they are paths, which no two drawings share."""
+LONG_PATH = 10_000
+"""Characters from which a path is a cloud of small marks, of which a tenth of a unit is not visible."""
 
 WIDE = 600
 """Drawings at least this wide (SVG units) fill the text's width; narrower ones are placed two to a row."""
@@ -147,7 +149,7 @@ def _paint(own: dict[str, str]) -> dict[str, str]:
 
 def _geometry(own: dict[str, str]) -> dict[str, str]:
     return {
-        name: _shortened(value, decimals=4 if name == "transform" else 2)
+        name: _shortened(value, decimals=4 if name == "transform" else 1 if len(value) > LONG_PATH else 2)
         for name, value in own.items()
         if name in GEOMETRY and PLAIN.fullmatch(value) and not value.startswith("rotate(-0 ")
     }

@@ -15,7 +15,7 @@ from calibrary.pages.wording import visible
 
 MOST_LINES = 1_000
 LONGEST_ALT = 2_000
-_WHOLE = re.compile(r"(?<!\S)--\w[\w-]*|\b\d{4}-\d\d-\d\d\b")
+_WHOLE = re.compile(r"(?<![\w-])--\w[\w-]*|\b\d{4}-\d\d-\d\d\b")
 
 
 def fill(page: Page, *, security: str, style: str, script: str | None, frame: Frame | None = None) -> str:
@@ -100,7 +100,7 @@ def _flags(text: str) -> str:
     """Text in which no line ends within a flag of a command or a day: browsers break lines after their hyphens."""
     if _WHOLE.search(text) is None:
         return text
-    return Markup(_WHOLE.sub(r'<span class="flag">\g<0></span>', str(escape(visible(text)))))  # noqa: S704  escaped here
+    return Markup(_WHOLE.sub(r'<span class="whole">\g<0></span>', str(escape(visible(text)))))  # noqa: S704  escaped here
 
 
 def _parts(text: str) -> Markup:

@@ -69,8 +69,10 @@ def minus(text: str) -> str:
 
 
 def sentence(text: str) -> str:
-    """The text with a capital letter and a full stop."""
-    return f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}"
+    """The text with a full stop and a capital letter, unless it begins with a name, as of a camera or file."""
+    is_name = any(sign in "0123456789/._" for sign in text.partition(" ")[0].rstrip(".:"))
+    capital = text[:1] if is_name else text[:1].upper()
+    return f"{capital}{text[1:]}{'' if text.endswith('.') else '.'}"
 
 
 UNPROVEN: Final = sentence(UNPROVEN_LEGEND)

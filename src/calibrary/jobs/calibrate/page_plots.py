@@ -33,7 +33,8 @@ from calibrary.pages.plots import (
     vector_field,
 )
 from calibrary.pages.plots.canvas import draw, frame_axes, number
-from calibrary.probability import two_digits
+from calibrary.pages.plots.frames import dots
+from calibrary.probability import two_digits, whole_percent
 from calibrary.sfm.tracks import upward
 
 if TYPE_CHECKING:
@@ -44,8 +45,8 @@ MEAN_CELLS: Final = (16, 12)
 """Columns and rows of the cells in which residuals are averaged."""
 FEWEST: Final = 3
 """Fewest residuals in a cell for a mean."""
-MOST_DRAWN: Final = 3000
-"""Most points of a plot of all of them, each of which takes 90 bytes."""
+MOST_DRAWN: Final = 1000
+"""Most points of a plot of all of them."""
 MOST_BARS: Final = 120
 
 
@@ -217,10 +218,8 @@ def _proven(report: CalibrateReport, observations: Observations) -> Figure | Non
     def paint(canvas: Canvas) -> None:
         axes = canvas.add_subplot()
         frame_axes(axes, size)
-        axes.plot(
-            *pixels[where].T, linestyle="none", marker="s", markersize=9, color=Colour.GOOD.light, alpha=0.35
-        )
-        axes.plot(*corners[::every].T, linestyle="none", marker=".", markersize=2, color=Colour.MUTED.light)
+        dots(axes, pixels[where], Colour.GOOD.light, 9, ends="projecting", alpha=0.35)
+        dots(axes, corners[::every], Colour.MUTED.light, 1.7)
         turn = np.linspace(0, 2 * math.pi, 181)
         rings = [(*middle, proven.radius_px, Colour.GOOD, "-")]
         rings += [(circle.x, circle.y, circle.radius, Colour.SECOND, "--")] if circle is not None else []
@@ -228,13 +227,12 @@ def _proven(report: CalibrateReport, observations: Observations) -> Figure | Non
             axes.plot(x + radius * np.cos(turn), y + radius * np.sin(turn), style, color=colour.light)
 
     image = "frame" if circle is None else "image circle (dashed)"
-    alt = (
-        f"Where K is proven: {proven.share:.0%} of the frame, within {proven.radius_px:.0f} px of its middle."
-    )
+    share = whole_percent(proven.share)
+    alt = f"Where K is proven: {share} of the frame, within {proven.radius_px:.0f} px of its middle."
     return Figure(
         svg=draw(paint, width=520, height=430),
         alt=alt,
-        caption=f"Where {report.points} prove K to {uses.limit_px:g} px: {proven.share:.0%} of the {image}, "
+        caption=f"Where {report.points} prove K to {uses.limit_px:g} px: {share} of the {image}, "
         f"everywhere within {proven.radius_px:.0f} px of the middle (ring). Outside, σ extrapolates the model."
         + (f" Of the {report.points}, one in {every} is drawn." if every > 1 else ""),
     )
@@ -314,12 +312,12 @@ def _between_nodes(nodes: FloatArray) -> FloatArray:
     return (nodes[:-1, :-1] + nodes[1:, :-1] + nodes[:-1, 1:] + nodes[1:, 1:]) / 4
 
 
-PICTURE_SIDE: Final = 640
-"""Longer side in px of the copy of a frame; two copies keep a page far below 2 MB."""
+PICTURE_SIDE: Final = 320
+"""Longer side in px of the copy of a frame; a page with two copies has less than 300 kB."""
 MARGIN: Final = 0.25
 """Margin shown around the board, as a fraction of its larger side."""
-LEVELS: Final = 16
-"""Gray levels of the copy: enough to recognise a board, in a third of the bytes."""
+LEVELS: Final = 8
+"""Gray levels of the copy: enough to recognise a board, in a fifth of the bytes."""
 DIM: Final = (70, 255)
 """Gray range of the copy; black is raised so that marks are visible on the dark squares."""
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,11 +20,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-MOST_ARROWS = 1_200
+MOST_ARROWS = 500
 FRAME_WIDTH = 520
 LONG_ARROW = 0.07
 """Length of the longest of the 95 % shortest arrows, as a fraction of the image's longer side; reduced if there are
 many arrows."""
+
+SHORT = 0.008
+"""Length from which an arrow has a head, as a fraction of the image's longer side: 4 units."""
 
 CUT = 2.5
 """Arrows are drawn up to this many times as long as the longest of the 95 % shortest."""
@@ -68,7 +72,7 @@ def vector_field(
         drawn = arrows * (gain * shrink)[:, None]
         for some, colour, width in ((~cut, Colour.ACCENT, 1.1), (cut, Colour.BAD, 1.8)):
             these = shown[some[shown]]
-            _arrows(axes, begin[these], drawn[these], colour.light, width)
+            _arrows(axes, begin[these], drawn[these], colour.light, width, SHORT * max(image_size))
         _scale(axes, _round(usual), gain, image_size, axis)
 
     alt = f"Arrows of {axis.quantity} at {len(begin)} points of a {image_size[0]} × {image_size[1]} px frame"
@@ -175,22 +179,44 @@ def _colour_bar(axes: Axes, low: float, high: float, axis: Axis) -> None:
     bar.set_ylabel(axis.label)
 
 
-def _arrows(axes: Axes, begin: FloatArray, drawn: FloatArray, colour: str, width: float) -> None:
-    """Draw all arrows as one path, a tenth of the size of separate polygons."""
-    from matplotlib.patches import PathPatch
-    from matplotlib.path import Path
-
-    if not len(begin):
-        return
+def _arrows(
+    axes: Axes, begin: FloatArray, drawn: FloatArray, colour: str, width: float, least: float
+) -> None:
+    """Draw arrows; of those shorter than ``least`` nobody would see the head."""
     end, back = begin + drawn, -0.3 * drawn
     turn = np.array([[math.cos(0.5), -math.sin(0.5)], [math.sin(0.5), math.cos(0.5)]])
     parts = (begin, end, end + back @ turn, end, end + back @ turn.T)
-    codes = (Path.MOVETO, Path.LINETO, Path.MOVETO, Path.LINETO, Path.LINETO)
-    vertices = np.stack(parts, axis=1).reshape(-1, 2)
-    patch = PathPatch(
-        Path(vertices, np.tile(codes, len(begin))), fill=False, edgecolor=colour, linewidth=width
-    )
-    axes.add_patch(patch)
+    short = np.hypot(*drawn.T) < least
+    _stroke(axes, [part[~short] for part in parts], "MLMLL", color=colour, linewidth=width)
+    _stroke(axes, [part[short] for part in parts[:2]], "ML", color=colour, linewidth=width)
+
+
+def dots(
+    axes: Axes, points: FloatArray, colour: str, width: float, ends: str = "round", alpha: float = 1.0
+) -> None:
+    """Draw a mark at each point (N, 2): the two ends of a line without a length."""
+    _stroke(axes, (points, points), "ML", color=colour, linewidth=width, capstyle=ends, alpha=alpha)
+
+
+def _stroke(axes: Axes, parts: Sequence[FloatArray], commands: str, **how: Any) -> None:
+    """Draw lines through the n-th points of the parts as one path, a tenth of the size of as many drawings.
+
+    Args:
+        axes: to draw on.
+        parts: (N, 2) each.
+        commands: for each part M, where a line begins, or L, where it goes on.
+        how: width, colour and ends of the lines.
+    """
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
+
+    if not len(parts[0]):
+        return
+    codes = [Path.MOVETO if command == "M" else Path.LINETO for command in commands]
+    path = Path(np.stack(parts, axis=1).reshape(-1, 2), np.tile(codes, len(parts[0])))
+    # Matplotlib leaves out lines without a length.
+    path.should_simplify = False
+    axes.add_patch(PathPatch(path, fill=False, **how))
 
 
 def _scale(axes: Axes, value: float, gain: float, image_size: ImageSize, axis: Axis) -> None:

@@ -127,6 +127,8 @@ def _described(row: Interval, chosen: Interval | None, axis: Axis) -> str:
 
 SIGMAS = 3.0
 TICKS = 5
+BESIDE = 0.03
+"""Distance of two measurements of one day, as a fraction of the plot's width."""
 WIDE_FROM = 5.0
 """An error bar this many times longer than the shortest is cut off, so that the others stay readable."""
 
@@ -185,6 +187,13 @@ def over_time(
     room = timedelta(days=max(3, (max(days) - min(days)).days // 12))
     left, right = min(days) - room, max(days) + room
     low, high = _range(measured, expected)
+    # Those of one day side by side, or they would be drawn over one another.
+    beside = BESIDE * (right - left).days
+    alike = [[at for at, other in enumerate(days) if other == day] for day in days]
+    places = [
+        day.toordinal() + beside * (these.index(at) - (len(these) - 1) / 2)
+        for at, (day, these) in enumerate(zip(days, alike, strict=True))
+    ]
 
     def paint(canvas: Canvas) -> None:
         axes = canvas.add_subplot()
@@ -195,11 +204,17 @@ def over_time(
             axes.plot(ends, [period.value] * 2, color=Colour.ACCENT.light, linewidth=1.6)
         for day, what in marks:
             _mark(axes, day, what, high)
-        for one in measured:
+        for x, one in zip(places, measured, strict=True):
             fmt, colour, _ = one.role.value
-            x, bar = one.day.toordinal(), SIGMAS * one.std
             axes.errorbar(
-                x, one.value, bar, fmt=fmt, color=colour.light, markersize=7, capsize=4, linewidth=1.5
+                x,
+                one.value,
+                SIGMAS * one.std,
+                fmt=fmt,
+                color=colour.light,
+                markersize=7,
+                capsize=4,
+                linewidth=1.5,
             )
         axes.set_xlim(left.toordinal(), right.toordinal())
         axes.set_ylim(low, high)
