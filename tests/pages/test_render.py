@@ -238,7 +238,7 @@ class TestBlocks:
     def test_a_sentence_begins_with_a_capital_unless_with_a_name(self, text: str, said: str) -> None:
         assert sentence(text) == said
 
-    @pytest.mark.parametrize(("titles", "stacks"), [((30, 20), True), ((20, 10), False), ((5,) * 11, False)])
+    @pytest.mark.parametrize(("titles", "stacks"), [((30, 20), True), ((20, 10), False), ((5,) * 13, False)])
     def test_a_phone_lists_the_rows_that_are_too_wide_for_it(
         self, titles: tuple[int, ...], stacks: bool
     ) -> None:

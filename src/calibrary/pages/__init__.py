@@ -67,7 +67,7 @@ SENTENCE: Final = 40
 """Characters from which a cell of a table is shown as a sentence."""
 PHONE, GAP = 46, 2
 """Characters that a row of a table has room for on a phone, and those between two columns."""
-MOST_STACKED: Final = 10
+MOST_STACKED: Final = 12
 """Columns of a row that is read as a list; a list of a whole registry is searched, and shows its first columns."""
 
 

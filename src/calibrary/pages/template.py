@@ -111,7 +111,7 @@ def _parts(text: str) -> Markup:
 def _lines(text: str) -> Markup:
     """Text with its line breaks kept."""
     lines = text.split("\n")
-    shown = [visible(line.rstrip("\r")) for line in lines[:MOST_LINES]]
+    shown = [_flags(visible(line.rstrip("\r"))) for line in lines[:MOST_LINES]]
     if len(lines) > MOST_LINES:
         shown.append(f"… {len(lines) - MOST_LINES} more lines")
     return Markup("\n").join(shown)

@@ -223,7 +223,7 @@ def reported(job: Job, address: str, _: object) -> Page:
     return desk_page(
         title=job.title,
         badge=Badge("good", Tone.GOOD) if good else Badge("needs attention", Tone.CAUTION),
-        lead=sentence(verdict.removeprefix("needs attention: ")),
+        lead=sentence(verdict.rpartition("attention: ")[2]),
         sections=(
             Section(
                 title="Found",
