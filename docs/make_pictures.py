@@ -121,11 +121,11 @@ CAMERA_PARTS = (("header", 400), ("#section-6", 840))
 
 BOARD = Board(columns=11, rows=8, square_mm=40.0)
 BOARD_FRAMES, BOARD_SEED = 24, 1
-CALIBRATE_PARTS = (("header", 1010), ("#held", 740), ("#trust", 520))
+CALIBRATE_PARTS = (("header", 1010), ("#held", 800), ("#trust", 620))
 """The verdict with K, and of the plots coverage, tilt, uncertainty and what halves of the views disagree about."""
 
 
-JOB_PARTS = (("h1", 1100),)
+JOB_PARTS = (("header", 1100),)
 DESK_PARTS = {"look-up": (("header", 1000),), "flight": (("header", 900),)}
 """Of the desk's pages: an answer, and a flight that was checked."""
 
