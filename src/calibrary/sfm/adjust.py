@@ -282,23 +282,30 @@ def _best(
     tried = [(_candidate(bundle), bundle)]
     for start in starts:
         with suppress(CalibrationError):
+            worth = _worth(bundle, start.model)
             found = adjust_bundle(
                 bundle.tracks,
                 start,
                 held=held,
                 place_variance=bundle.place_variance,
                 most_steps=CANDIDATE_STEPS,
+                worth=worth + bundle.linear.priors.cost,
             )
-            if start.model is not Solvable.RATIONAL or _matters(bundle, found):
+            if start.model is not Solvable.RATIONAL or found.linear.rss < worth:
                 tried.append((_candidate(found), found))
     allowed = [pair for pair in tried if pair[0].refused is None] or tried[:1]
     return min(allowed, key=lambda pair: pair[0].criterion)[1], tuple(one for one, _ in tried)
 
 
-def _matters(smaller: Bundle, larger: Bundle) -> bool:
-    """Return whether a larger model explains more than a ripple of the lens, which the uncertainty includes."""
-    explained = (smaller.linear.rss - larger.linear.rss) / (2 * len(smaller.tracks.point))
-    return explained > (MATTERS_PX * max(1.0, max(smaller.tracks.image_size) / MAX_SIDE)) ** 2
+def _worth(bundle: Bundle, model: Solvable) -> float:
+    """Return the sum of squares, px², below which another lens model is the better one.
+
+    A rational lens must explain more than a ripple of the lens, which the uncertainty includes.
+    """
+    n, more = 2 * len(bundle.tracks.point), len(model.parameters) - len(bundle.scene.parameters)
+    if model is Solvable.RATIONAL:
+        return bundle.linear.rss - n * (MATTERS_PX * max(1.0, max(bundle.tracks.image_size) / MAX_SIDE)) ** 2
+    return bundle.linear.rss * math.exp(-PENALTY * more / n)
 
 
 def _pays(smaller: Bundle, model: Solvable) -> bool:

@@ -9,6 +9,7 @@ Source: B. Triggs et al., "Bundle adjustment: a modern synthesis", 2000, section
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Final, TypeAlias
@@ -31,6 +32,8 @@ FIRST_DAMPING: Final = 1e-6
 """Small, and reduced step by step. A flight that hardly separates f from the height has its minimum at the end of a
 long curved valley, with a floor a million times flatter than its sides; damped by 1e-4 at every other step, the search
 ended 3 % of f before the minimum."""
+JUDGED_FROM: Final = 3
+"""Step at which what it promises is first believed."""
 NO_DAMPING: Final = 1e-9
 LARGEST_DAMPING: Final = 1e8
 LEAST_DAMPING: Final = 1e-10
@@ -144,6 +147,7 @@ def adjust_bundle(
     held: Sequence[str] = (),
     place_variance: float = 0.0,
     most_steps: int = MAX_STEPS,
+    worth: float = math.inf,
 ) -> Bundle:
     """Find the minimum of the cost next to the start.
 
@@ -154,6 +158,7 @@ def adjust_bundle(
         place_variance: variance of an image coordinate, px², for the weights of positions and surveyed points; zero
             ignores these.
         most_steps: number of steps after which the search ends wherever it is.
+        worth: cost above which the minimum is of no use; the search ends where a step promises none below.
 
     Raises:
         CalibrationError: the start puts a point behind an image that sees it.
@@ -163,9 +168,11 @@ def adjust_bundle(
     if linear is None:
         raise CalibrationError("the reconstruction puts a point behind an image that sees it")
     damping = 0.0
-    for _ in range(most_steps):
+    for number in range(most_steps):
         reduced = reduce(tracks, linear, free, damping)
         step = _solved(reduced)
+        if step is not None and number >= JUDGED_FROM and _promised(linear, reduced, step) > worth:
+            break
         trial = moved_by(tracks, scene, linear, reduced, free, step) if step is not None else None
         if trial is not None and tracks.positions is not None and tracks.control is None:
             # Linearised steps do not rotate the whole world exactly; a similarity does, and keeps the reprojections.
@@ -183,6 +190,11 @@ def adjust_bundle(
             if damping > LARGEST_DAMPING:
                 break
     return Bundle(tracks=tracks, scene=scene, linear=linear, free=free, place_variance=place_variance)
+
+
+def _promised(linear: Linear, reduced: Reduced, step: FloatArray) -> float:
+    """Return the cost after a step by the normal equations, px²."""
+    return linear.cost - reduced.from_points - float(reduced.right @ step)
 
 
 class Projections(Struct, frozen=True, kw_only=True, eq=False):
