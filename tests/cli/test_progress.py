@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import sys
 
 import pytest
 from rich.console import Console
@@ -22,6 +23,21 @@ def drawn(*, terminal: bool) -> str:
 
 def test_quick_work_draws_none() -> None:
     assert drawn(terminal=True) == ""
+
+
+def test_a_question_has_the_screen_for_itself_and_work_that_goes_on_draws_again(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(progress, "SHOWN_AFTER_S", 0.0)
+    out = io.StringIO()
+    with Bar(Console(file=out, force_terminal=True, width=80), "looking at") as bar:
+        bar(1, 2, "files")
+        bar.stop()
+        sys.stderr.write("whose K is it? [unit/model] ")
+        before = out.getvalue()
+        bar(2, 2, "files")
+    assert capsys.readouterr().err == "whose K is it? [unit/model] "
+    assert "looking at files" in out.getvalue().removeprefix(before)
 
 
 def test_long_work_draws_one_on_a_terminal_only(monkeypatch: pytest.MonkeyPatch) -> None:

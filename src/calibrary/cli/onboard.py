@@ -89,8 +89,15 @@ def run(arguments: argparse.Namespace) -> int:
             return False
         return arguments.digest is not None or agreed(arguments, _question(done))
 
+    def answer(question: str, _: str) -> str:
+        # A bar that is drawn would take the words in brackets for its markup, and write over what is typed.
+        bar.stop()
+        sys.stderr.write(f"{question} ")
+        sys.stderr.flush()
+        return sys.stdin.readline().strip()
+
     with Bar(note(arguments), "looking at") as bar:
-        asked = _ask if can_ask() and not arguments.yes else None
+        asked = answer if can_ask() and not arguments.yes else None
         done = call(onboard, arguments, ask=asked, write=is_wanted, progress=bar)
     _show_written(screen, done, where(arguments))
     is_other = bool(done.drafts) and not done.is_as_seen(arguments.digest)
@@ -100,12 +107,6 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print_json(done)
     return 0 if done.is_good and not is_other else EXIT_REFUSED
-
-
-def _ask(question: str, _: str) -> str:
-    sys.stderr.write(f"{question} ")
-    sys.stderr.flush()
-    return sys.stdin.readline().strip()
 
 
 def _show(screen: Screen, done: OnboardReport, page: str) -> None:

@@ -41,9 +41,10 @@ class Bar:
         self.stop()
 
     def stop(self) -> None:
-        """Remove the bar, so that a question or the result can be printed."""
+        """Remove the bar, so that a question or the result can be printed; work that goes on draws it again."""
         if self._progress is not None:
             self._progress.stop()
+            self._progress = None
 
     def __call__(self, done: int, total: int, what: str) -> None:
         """Update the bar."""
