@@ -48,7 +48,7 @@ from calibrary.registry.paths import (
 )
 from calibrary.registry.places import CONFIGURATION_FILE
 from calibrary.registry.snapshot import Snapshot, entry_paths, proposal_paths, read_entry_file
-from calibrary.registry.standing import Standing
+from calibrary.registry.standing import UNREAD, Standing
 from calibrary.registry.statements import subject_of
 from calibrary.validation import Finding, Severity
 from calibrary.version import __version__
@@ -498,10 +498,10 @@ def _of_standing(path: str, standing: Standing) -> Iterator[Finding]:
     if standing.problem is not None:
         yield finding_of(path, "approval", standing.problem.removeprefix(f"{path}: "))
     elif standing.remark is not None:
-        yield replace(
-            finding_of(path, "approval", standing.remark),
-            remedy="'calibrary registry approve KEY' approves it; what is written by hand is not used",
-        )
+        # What cannot be read cannot be approved; its reader says what to do.
+        approve = "'calibrary registry approve KEY' approves it; what is written by hand is not used"
+        remedy = None if standing.remark.startswith(UNREAD) else approve
+        yield replace(finding_of(path, "approval", standing.remark), remedy=remedy)
     elif standing.data is not None and standing.differs:
         yield replace(
             _statement(path, "its file and the statements on it differ: the statements count"),

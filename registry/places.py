@@ -79,15 +79,12 @@ def one_registry(named: Place | Sequence[Place] | None = None) -> Path:
     is_named = named is not None and named != ()
     if is_named and len(found) > 1:
         raise UsageError("--registry: this needs one registry")
-    if is_named and not folders:
-        raise UsageError(
-            f"{found[0]}: a published registry is read by 'resolve', 'extract' and 'check'; this needs a registry's "
-            "folder"
-        )
     if not folders:
-        raise RegistryError(
-            f"${VARIABLE} names {SEPARATOR.join(map(str, found))}, which is published; expected the folder of a "
-            "registry: --registry PATH"
+        name = str(found[0]) if is_named else f"${VARIABLE}: {SEPARATOR.join(map(str, found))}"
+        kind = UsageError if is_named else RegistryError
+        raise kind(
+            f"{name}: a published registry is read by 'resolve', 'extract' and 'check'; expected the folder of a "
+            "registry: --registry PATH, or --registry folder:PATH without git"
         )
     return Path(folders[0])
 

@@ -40,6 +40,7 @@ from calibrary.registry.statements import (
 ENDING: Final = frozenset({"retire", "hold"})
 MOST: Final = 10_000
 """Statements on one subject that are read; a person makes one at a time."""
+UNREAD: Final = "its file cannot be read"
 
 
 class Epoch(Struct, frozen=True, kw_only=True):
@@ -725,8 +726,8 @@ def standing_of(book: Book, repo: Repository, path: str, stated: Entry | None, i
     entry = until(plain, in_force.until)
     remark = None
     if not is_here:
-        now = "its file says something newer" if stated is not None else "its file cannot be read"
-        remark = f"{now}, which nothing that counts approves: the last approved revision is used"
+        newer = "its file says something newer, which nothing that counts approves"
+        remark = f"{newer if stated is not None else UNREAD}: the last approved revision is used"
     return Standing(
         data=entry_yaml(entry) if entry != stated else None,
         remark=remark,

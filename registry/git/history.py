@@ -251,7 +251,7 @@ def at_date(repo: Repository, moment: datetime, at: str) -> str:
         first = repo.run("rev-list", "--max-parents=0", "--first-parent", "--format=%cs", at).out.split()[-1:]
         raise RegistryError(
             f"no commit as old as {moment:%Y-%m-%d %H:%M %Z}; the history begins later, on "
-            f"{b''.join(first).decode() or 'no day'}{repo.unshallow_hint}"
+            f"{b''.join(first).decode() or 'no day'}; name that day or a later one{repo.unshallow_hint}"
         )
     return commit
 

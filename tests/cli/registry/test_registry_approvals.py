@@ -113,6 +113,20 @@ class TestRules:
         assert unapproved(fleet, base) == []
         assert held(fleet, "fc6310r").entry.status is Status.APPROVED
 
+    def test_a_file_that_cannot_be_read_is_not_to_be_approved(
+        self, fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        add(xml(tmp_path / "a.xml"))
+        run(capsys, "approve", *looked_at(fleet, P4R))
+        stored = held(fleet)
+        put_bytes(fleet, {stored.path: entry_yaml(stored.entry).replace(b"fx: 3660.5", b"fx: 3160.5")})
+        code, out, _ = run(capsys, "check")
+        broken, instead = (line for line in out.splitlines() if line.startswith(stored.path))
+        assert (code, broken.endswith("(digest)")) == (1, True)
+        assert instead.endswith(
+            "error: its file cannot be read: the last approved revision is used (approval)"
+        )
+
     def test_what_registry_yaml_asks_for_is_in_force_once_it_is_approved(
         self, fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:

@@ -16,7 +16,7 @@ from tests.cli.registry.direct import put
 from tests.cli.registry.fleets import P4R, commit_of, printed, run
 from tests.jobs.extract.fleet import picture
 from tests.registry.entries import an_entry
-from tests.registry.published.publications import commit, published
+from tests.registry.published.publications import UNIT, commit, published
 from tests.registry.published.server import Server, serving
 
 TAGS: dict[str, Any] = {"make": "DJI", "model": "FC6310R"}
@@ -60,6 +60,18 @@ def test_a_key_is_make_and_model_with_or_without_its_variant(
     assert answer["entry"]["id"] == P4R
 
 
+def test_a_unit_is_found_by_make_model_and_serial_number(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put(fleet, an_entry(model="FC9999", focal_mm=None, serial=UNIT))
+    published(fleet, tmp_path / "out")
+    place = ("--registry", tmp_path / "out")
+    assert "a unit by --make, --model and --serial" in run(capsys, "resolve", "dji/fc9999", *place)[2]
+    asked = ("--make", "DJI", "--model", "FC9999", "--serial", "0V2LG3H0")
+    answer = printed(capsys, "resolution-1", "resolve", *asked, *place)
+    assert answer["entry"]["id"].startswith(f"dji/fc9999/sn-{UNIT}/")
+
+
 @pytest.mark.parametrize("word", ["fc6310r", "dji/fc9"])
 def test_what_a_published_registry_cannot_be_asked_is_one_line(
     public: Server, capsys: pytest.CaptureFixture[str], word: str
@@ -88,7 +100,16 @@ def test_the_variable_may_name_several(
 
 def test_a_command_that_needs_a_folder_says_so(public: Server, capsys: pytest.CaptureFixture[str]) -> None:
     code, _, err = run(capsys, "list", "--registry", public.url)
-    assert (code, "this needs a registry's folder" in " ".join(err.split())) == (2, True)
+    assert (code, "expected the folder of a registry" in " ".join(err.split())) == (2, True)
+
+
+@pytest.mark.usefixtures("public")
+def test_a_key_that_ends_in_a_focal_length_is_not_taken_for_a_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code = main(["diff", f"{P4R}+f12.29", P4R, "--registry", str(tmp_path / "out")])
+    said = " ".join(capsys.readouterr().err.split())
+    assert (code, "a published registry is read by" in said) == (2, True)
 
 
 def extract(folder: Path, capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, Any, str]:

@@ -530,7 +530,9 @@ def _entry(text: str, registry: Place | Sequence[Place] | None) -> Argument:
     from calibrary.registry.places import one_registry
     from calibrary.registry.registry import Registry
 
-    looks_like_a_file = Path(text).suffix and "@" not in text
+    ending = Path(text).suffix[1:]
+    # What a KEY ends in after a full stop are digits of a focal length.
+    looks_like_a_file = ending and not ending.isdigit() and "@" not in text
     try:
         stored = Registry.open(one_registry(registry)).get(text)
     except RegistryError:

@@ -376,7 +376,7 @@ def _of_word(layers: Layers, word: str) -> CameraKey:
         find_path(first.snapshot.paths, word)
     raise UnknownCameraError(
         f"{word}: no such camera in {', '.join(layer.name for layer in layers.layers)}; a published registry is asked "
-        "by make and model, as in dji/fc6310r"
+        "with an image, or by make and model, as in dji/fc6310r; a unit by --make, --model and --serial as in EXIF"
     )
 
 
