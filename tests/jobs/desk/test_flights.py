@@ -60,7 +60,10 @@ def test_dropped_files_get_the_answer_of_their_folder(tab: Open, demo_flight: Fl
     one = tab()
     by_path(one, demo_flight[0])
     of_folder = kept(one, tmp_path)
+    said = one.page.locator("main").inner_text()
     assert "cameras in 18 images" in one.page.locator("body").inner_text()
+    advice = [each["what_to_do"] for each in json.loads(of_folder["K_matrix.json"])["cameras"]]
+    assert [text for text in advice if text and text not in said] == []
     dropped(one, [path for path in demo_flight[0].rglob("*") if path.is_file()])
     of_files = kept(one, tmp_path)
     assert judged(of_files) == judged(of_folder)

@@ -52,6 +52,7 @@ class TestEdits:
         assert camera.verdict is Verdict.UNPROVEN
         assert camera.reason is not None
         assert camera.reason.startswith(words)
+        assert camera.reason.endswith("; the first is 1-0.jpg")
         assert [one.report.verdict for one in camera.judged if one.report is not None] == [
             Verdict.VALID,
             Verdict.UNPROVEN,

@@ -311,7 +311,8 @@ def checked(job: Job, address: str, drop: Drop | None) -> Page:
             Column("use"),
             Column("images", numeric=True),
             Column("fx (px)", numeric=True),
-            Column("why, and what to do"),
+            Column("why"),
+            Column("what to do"),
         ),
         rows=tuple(_rows(cameras[:MOST_CAMERAS])),
     )
@@ -341,14 +342,15 @@ def _rows(cameras: Sequence[Mapping[str, object]]) -> Iterator[tuple[str | Badge
         )
         use = cast("Mapping[str, str] | None", one["use"])
         verdict = str(one["verdict"])
-        why = " ".join(sentence(str(text)) for text in (one["why"], one["what_to_do"]) if text)
         yield (
             str(one["label"] or one["id"]),
             Badge(verdict, TONES.get(verdict, Tone.NEUTRAL)),
             use["use"] if use is not None else "–",
             str(len(cast("Sequence[object]", one["images"])) + cast("int", one["more_images"])),
             f"{K['fx']:.2f}" if K else "–",
-            why or "–",
+            # Apart, so that each is shown whole, and a command as it is typed.
+            sentence(str(one["why"])) if one["why"] else "–",
+            str(one["what_to_do"] or "–"),
         )
 
 

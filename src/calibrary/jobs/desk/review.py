@@ -186,7 +186,7 @@ def _approval_forms(one: Proposal, name: str, branch: str, *, errors: bool) -> I
         ),
     )
     if branch:
-        yield f"It waits on the branch {branch}; to reject it, close that branch."
+        yield f"It waits on the branch {branch}; to reject it, delete that branch: git branch -D {branch}"
     else:
         yield Form(
             to="/decide",

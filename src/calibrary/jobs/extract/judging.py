@@ -77,11 +77,16 @@ def judge(
         One camera; or several, best K first, if some images lack tags of others and nothing proves one unit.
     """
     heard = [(state, evidence_of(scene_of(state, sensor, policy))) for state in states]
-    edited = Counter[str]()
+    edited, first_of = Counter[str](), dict[str, str]()
     for state in states:
         edited.update(dict.fromkeys(state.original.done, state.count))
+        first_of = dict.fromkeys(state.original.done, state.names[0]) | first_of
     images = sum(state.count for state in states)
-    edits_of = {f"the image was {edit}": f"{_of(count, images)} {edit}" for edit, count in edited.items()}
+    edits_of = {
+        f"the image was {edit}": f"{_of(count, images)} {edit}"
+        + (f"; the first is {first_of[edit]}" if count < images else "")
+        for edit, count in edited.items()
+    }
     one_unit = one_unit or _is_one_unit(key, states)
     parts = [heard] if one_unit else _by_grade(heard)
     first, *others = (_camera(key, part, policy, edits_of, one_unit=one_unit) for part in parts)
