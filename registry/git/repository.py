@@ -139,7 +139,10 @@ class Repository:
         """
         path = Path(os.path.realpath(path.parent if path.name == ".git" else path))
         if not path.is_dir():
-            raise RegistryError(f"{path}: no such folder; expected a registry, which is a git repository")
+            raise RegistryError(
+                f"{path}: no such folder; expected a registry, which is a git repository; a relative path, as in "
+                "$CALIBRARY_REGISTRY, counts from the folder that you are in"
+            )
         git_dir, common_dir, is_bare = discover(path)
         work_tree = None if is_bare else path
         environment = repository_environment(git_dir, common_dir, work_tree)
