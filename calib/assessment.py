@@ -22,7 +22,6 @@ from calibrary.calib.misfit import corner_noise, misfit
 from calibrary.calib.model_choice import CLEARLY, Candidate, WarpTest, sound_share, with_warp
 from calibrary.calib.network import State
 from calibrary.calib.observations import Observations, View
-from calibrary.calib.programs import programs, versions_in_words
 from calibrary.calib.projection_difference import (
     ProjectionDifference,
     Uncertainty,
@@ -55,6 +54,7 @@ from calibrary.calibration import (
 )
 from calibrary.distortion import SplinedStereographic
 from calibrary.errors import CalibrationError, InputError
+from calibrary.extras import programs, versions_in_words
 from calibrary.policy import FLEET, Policy
 from calibrary.quality import Proven
 from calibrary.records import replace

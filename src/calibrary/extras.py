@@ -6,13 +6,14 @@ the folder ``cv2``, and pip would overwrite the installed one. ``[opencv]`` inst
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from importlib.util import find_spec
 
 from msgspec import Struct
 
 from calibrary.errors import MissingExtraError
+from calibrary.version import __version__
 
 
 class Library(Struct, frozen=True, kw_only=True):
@@ -119,3 +120,18 @@ def _loaded_version(module: str, job: str) -> str:
         raise MissingExtraError(
             f"{job} needs {LIBRARIES[module].name}, which does not load: {reason}"
         ) from None
+
+
+def programs(*further: str) -> dict[str, str]:
+    """Return the versions of calibrary, numpy and ``further`` modules, which took part in a calibration."""
+    versions = {name: str(import_module(name).__version__) for name in (*further, "numpy")}
+    return {
+        "calibrary": __version__,
+        **{{"cv2": "opencv"}.get(name, name): text for name, text in versions.items()},
+    }
+
+
+def versions_in_words(versions: Mapping[str, str]) -> str:
+    """Return ``versions`` in the form of a provenance: ``calibrary 1.0.0, OpenCV 4.12.0``."""
+    names = {"calibrary": "calibrary", "opencv": "OpenCV", "pycolmap": "pycolmap"}
+    return ", ".join(f"{names[name]} {text}" for name, text in versions.items() if name in names)

@@ -10,11 +10,11 @@ import numpy as np
 
 from calibrary.arrays import BoolArray
 from calibrary.calib.observations import ControlPoints, Observations, View
-from calibrary.calib.programs import programs
 from calibrary.calib.result import CalibrationResult
 from calibrary.calib.verdict_rules import graver_first
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import InputError
+from calibrary.extras import programs
 from calibrary.jobs.calibrate.frames import FrameMetadata, describe_frames, without_resaved
 from calibrary.jobs.calibrate.run import Told
 from calibrary.jobs.calibrate_flight.run import MOST_POINTS, FlightOptions, SolvedFlight, sha256_of

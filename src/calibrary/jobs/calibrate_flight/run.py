@@ -18,10 +18,10 @@ from calibrary.calib.detection import Detections, NamedRemark
 from calibrary.calib.found import Reason
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.observations import ControlPoints, Observations, View
-from calibrary.calib.programs import programs
 from calibrary.calib.result import CalibrationResult
 from calibrary.calibration import ImageSize, Intrinsics
 from calibrary.errors import CalibrationError, FrameError, InputError, UsageError
+from calibrary.extras import programs
 from calibrary.jobs.calibrate.frames import (
     FrameMetadata,
     describe_frames,

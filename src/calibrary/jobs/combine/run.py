@@ -20,7 +20,6 @@ from typing import Final
 import numpy as np
 
 from calibrary.calib.assessment import notes_of
-from calibrary.calib.programs import programs
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calib.verdict_rules import graver_first
 from calibrary.calibration import Calibration, CameraKey, Covariance, Grade, Provenance, Quality, SourceFile
@@ -46,6 +45,7 @@ from calibrary.sfm.combination import (
 from calibrary.sfm.season import Drift, of_one_model, solve_season
 from calibrary.sfm.tracks import FEWEST_IMAGES
 from calibrary.validation import Finding, Severity
+from calibrary.version import __version__
 
 SAME_TURN_DEG: Final = 0.1
 """Largest difference of the camera's turns in two adjustments of the same images, if they determine the camera."""
@@ -534,7 +534,7 @@ def _combined(sources: Sequence[Source], together: WeightedMean, told: Told) -> 
         kind=COMBINATION,
         tag=", ".join(one.file.name if one.file is not None else one.label for one in sources),
         sources=tuple(files.values()),
-        tool=f"calibrary {programs()['calibrary']}",
+        tool=f"calibrary {__version__}",
         date=newest.isoformat() if newest is not None else None,
     )
     agreed = {
