@@ -15,7 +15,7 @@ from msgspec import Meta, Struct, defstruct
 
 from calibrary.errors import UsageError
 from calibrary.image_size import ImageSize
-from calibrary.known_camera import CameraKey, hashed
+from calibrary.known_camera import CameraKey
 from calibrary.policy import Policy
 from calibrary.provenance import ABOUT, Provenance
 from calibrary.records import replace
@@ -186,13 +186,3 @@ else:
 def paths(given: str | Path | Sequence[str | Path]) -> tuple[Path, ...]:
     """One path or several, as an argument may have them, as paths."""
     return tuple(Path(one) for one in ([given] if isinstance(given, str | Path) else given))
-
-
-def overlay(camera: CameraLike | None) -> Callable[[CameraKey], CameraKey]:
-    """Return a function that replaces fields of a camera key by the stated ones, and a serial number by its hash."""
-    if callable(camera):
-        said = camera
-        return lambda known: hashed(said(known))
-    names = CameraKey.__struct_fields__
-    stated = {name: value for name in names if (value := getattr(camera, name, None)) is not None}
-    return lambda known: hashed(replace(known, **stated))

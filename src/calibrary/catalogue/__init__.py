@@ -32,7 +32,7 @@ camera and exclude the others.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from enum import Enum, StrEnum
 from functools import cache, partial
 from pathlib import Path
@@ -40,10 +40,20 @@ from typing import Annotated, Any, Final
 
 from msgspec import Struct
 
+from calibrary.arguments import CameraLike
 from calibrary.errors import InputError, ParseError
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.image_size import ImageSize, same_aspect
-from calibrary.known_camera import SUB_CAMERAS, CameraKey, KnownCamera, Name, Text, normalise_sub_camera
+from calibrary.known_camera import (
+    SUB_CAMERAS,
+    CameraKey,
+    KnownCamera,
+    Name,
+    Text,
+    hashed,
+    is_serial_hash,
+    normalise_sub_camera,
+)
 from calibrary.records import Json, Meta, Record, from_json, replace, to_json
 from calibrary.strictyaml import line_of, load_yaml
 
@@ -59,6 +69,7 @@ __all__ = [
     "identified",
     "load_catalogue",
     "match_image",
+    "overlay",
     "search_catalogue",
     "shipped_catalogue",
     "shipped_folder",
@@ -524,6 +535,31 @@ def shipped_with(words: Iterable[str]) -> list[KnownCamera]:
         if all(word in text.casefold() for word in wanted)
         for camera in _cameras(text.encode(), name)
     ]
+
+
+def overlay(camera: CameraLike | None) -> Callable[[CameraKey], CameraKey]:
+    """Return a function that replaces fields of a camera key by the stated ones, and a serial number by its hash.
+
+    The make is part of that hash, so a number is hashed with the make in the letters that the camera writes.
+    """
+    names = CameraKey.__struct_fields__
+    stated = {name: value for name in names if (value := getattr(camera, name, None)) is not None}
+
+    def key_of(known: CameraKey) -> CameraKey:
+        key = camera(known) if callable(camera) else replace(known, **stated)
+        if key.make and key.serial and not is_serial_hash(key.serial):
+            key = replace(key, make=_as_written(key.make))
+        return hashed(key)
+
+    return key_of
+
+
+def _as_written(make: str) -> str:
+    """A make in the letters of the catalogue, which are EXIF's; as it is if the catalogue does not know it."""
+    written = {name for one in shipped_with(make.split()) for name in (one.make, *one.other_makes)}
+    return (
+        make if make in written else next((one for one in sorted(written) if _fold(one) == _fold(make)), make)
+    )
 
 
 def shipped_folder() -> Path:

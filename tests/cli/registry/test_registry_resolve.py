@@ -148,6 +148,19 @@ def test_a_serial_number_finds_the_entry_of_that_unit(
     assert [item["path"] for item in answer["near"]] == [an_entry().path]
 
 
+@pytest.mark.usefixtures("fleet")
+def test_a_unit_is_found_however_its_make_was_typed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    unit = ("--model", "FC6310R", "--serial", "0V2LG3H0")
+    approved = ("--approve", "--reason", "measured")
+    add(xml(tmp_path / "a.xml", 3655.5), *approved, camera=("--make", "dji", *unit))
+    for typed in ("DJI", "dji"):
+        answer = printed(capsys, "resolution-1", "resolve", "--make", typed, *unit)
+        assert answer["calibration"]["intrinsics"]["fx"] == 3655.5
+        assert answer["camera"]["serial"] == hash_serial("DJI", "0V2LG3H0")
+
+
 def test_none_is_exit_code_4_with_what_is_near_and_why_not(
     fleet: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from msgspec import Struct, field
 
 from calibrary import parsers
-from calibrary.arguments import CameraLike, PolicyLike, Stated, overlay
+from calibrary.arguments import CameraLike, PolicyLike, Stated
 from calibrary.calib.board import Board
 from calibrary.calib.control_points import read_control_points
 from calibrary.calib.corners_arrays import Corners
@@ -19,6 +19,7 @@ from calibrary.calib.estimation import estimate
 from calibrary.calib.observations import Days
 from calibrary.calib.result import CalibrationResult
 from calibrary.calibration import CameraKey, ImageSize, Intrinsics, Origin
+from calibrary.catalogue import overlay
 from calibrary.errors import (
     CalibrationError,
     FrameError,

@@ -29,7 +29,6 @@ from calibrary.arguments import (
     Terms,
     Text,
     Workers,
-    overlay,
     paths,
 )
 from calibrary.errors import RegistryError, UsageError
@@ -799,6 +798,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         >>> [(one.entry.id, one.is_new) for one in change.proposals.items]
         [('dji/fc6310r/5472x3648', False)]
         """
+        from calibrary.catalogue import overlay
         from calibrary.jobs.fleet.adding import Said, add_catalogue, add_file, add_folder
         from calibrary.jobs.fleet.changes import ProposedChange
 

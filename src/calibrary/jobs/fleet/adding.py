@@ -24,7 +24,6 @@ from calibrary.jobs.files import choose, read_file
 from calibrary.jobs.fleet import Details
 from calibrary.jobs.layers.catalogue_entries import KIND, catalogue_entries
 from calibrary.jobs.weigh.entries import contradictions
-from calibrary.known_camera import hash_serial, is_serial_hash
 from calibrary.parsers.imagery import read_metadata
 from calibrary.parsers.plausible import refuse_implausible
 from calibrary.progress import log
@@ -355,8 +354,6 @@ def _from_calibration(calibration: Calibration, source: _Source, said: Said) -> 
 def _from_entry(entry: Entry, said: Said) -> tuple[Entry, tuple[str, ...]]:
     """Make an entry from an entry's file, which may have been edited by hand."""
     camera = _without_empty(said.camera(entry.calibration.camera))
-    if camera.serial is not None and not is_serial_hash(camera.serial):
-        camera = replace(camera, serial=hash_serial(camera.make, camera.serial))
     made = entry.calibration.provenance
     warnings = tuple(said.stated.warnings(made))
     if made == UNSTATED:

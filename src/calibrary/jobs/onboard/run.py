@@ -15,11 +15,12 @@ from typing import Final
 
 from msgspec import Struct
 
-from calibrary.arguments import Stated, Terms, overlay
+from calibrary.arguments import Stated, Terms
 from calibrary.calib.board import Board
 from calibrary.calib.result import CalibrationResult
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration, CameraKey
+from calibrary.catalogue import overlay
 from calibrary.errors import CalibraryError, CalibrationError, InputError, RegistryError, UsageError
 from calibrary.extras import SFM
 from calibrary.jobs.calibrate.frames import describe_frames

@@ -9,15 +9,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from calibrary.arguments import CameraLike, overlay
+from calibrary.arguments import CameraLike
 from calibrary.calibration import Calibration, CameraKey, ImageSize, Intrinsics
-from calibrary.catalogue import identified, load_catalogue
+from calibrary.catalogue import identified, load_catalogue, overlay
 from calibrary.errors import AmbiguousCameraError, InputError, UnknownCameraError, first_of
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.interop.notebook import html_table
 from calibrary.jobs.layers import AskedLayer, Layer, LayerKind, Layers
 from calibrary.jobs.weigh.use import Allowed, allowed
-from calibrary.known_camera import hashed
 from calibrary.policy import FLEET, Policy
 from calibrary.records import Json, Record, from_json, replace
 from calibrary.registry.entry import Entry, Status
@@ -196,7 +195,7 @@ def resolved(
         key = overlay(stated)(asked.key)
     else:
         word, asked = None, _Asked(CameraKey(), "what was said")
-        key = overlay(stated)(hashed(camera.camera if isinstance(camera, Calibration) else camera))
+        key = overlay(stated)(camera.camera if isinstance(camera, Calibration) else camera)
     _refuse_nameless(key, word)
     day = on or asked.day or date.today()
     found = layers.resolve(key, on=day)
