@@ -103,10 +103,10 @@ _MODEL = re.compile(
     re.IGNORECASE,
 )
 _NAMES: dict[type, re.Pattern[str]] = {
-    BrownConrady: re.compile(r"rad.?tan|plumb|brown", re.IGNORECASE),
-    KannalaBrandt: re.compile(r"equidist|kannala|kb\d?", re.IGNORECASE),
+    BrownConrady: re.compile(r"rad.?tan|plumb.?bob|brown(.?conrady)?", re.IGNORECASE),
+    KannalaBrandt: re.compile(r"equidistant|kannala.?brandt[48]?|kb4?", re.IGNORECASE),
 }
-"""Of the names above those that no other lens has."""
+"""Whole names that no other lens has: RealSense's inverse_brown_conrady is another."""
 
 
 class _Slot(Struct, frozen=True):
@@ -310,8 +310,7 @@ def _explained(cameras: Sequence[Calibration], groups: Iterable[Sequence[Stateme
     known: set[float | str] = {value for value, count in read.items() if stated[value] <= count}
     kinds: set[type] = {type(item.distortion) for item in cameras}
     if len(kinds) == 1 and (name := _NAMES.get(kinds.pop())):
-        texts = {value: _MODEL.findall(value) for value in values if isinstance(value, str)}
-        known |= {text for text, named in texts.items() if named and all(map(name.fullmatch, named))}
+        known |= {value for value in values if isinstance(value, str) and name.fullmatch(value.strip("\"' "))}
     return known
 
 

@@ -113,6 +113,19 @@ def test_a_model_under_a_key_of_coefficients_counts() -> None:
         read(ROS.replace("distortion_model: plumb_bob", "distortion_vector: equidistant"), "camera.yaml")
 
 
+def test_the_name_of_another_lens_that_contains_the_name_of_the_one_read_counts() -> None:
+    xml = (
+        "<opencv_storage><camera_type>inverse_brown_conrady</camera_type>"
+        "<image_width>1280</image_width><image_height>720</image_height>"
+        '<camera_matrix type_id="opencv-matrix"><rows>3</rows><cols>3</cols><dt>d</dt>'
+        "<data>1000.5 0. 640.5 0. 1001.5 360.5 0. 0. 1.</data></camera_matrix>"
+        '<distortion_coefficients type_id="opencv-matrix"><rows>1</rows><cols>4</cols><dt>d</dt>'
+        "<data>-0.1131 0.0247 0.0002 -0.0004</data></distortion_coefficients></opencv_storage>"
+    )
+    with pytest.raises(ParseError, match=r"camera_type.*inverse_brown_conrady"):
+        read(xml, "camera.xml")
+
+
 def test_arrays_under_other_names_are_named() -> None:
     buffer = io.BytesIO()
     np.savez(
