@@ -34,12 +34,14 @@ def reduced(gray: Gray, side: int = DETECTION_SIDE) -> tuple[Gray, FloatArray]:
         return gray, np.ones(2)
     shrink = side / max(width, height)
     size = max(1, round(width * shrink)), max(1, round(height * shrink))
-    while max(gray.shape) >= HALVED_FROM * side:
-        gray = np.asarray(
-            cv2.resize(gray, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA), dtype=np.uint8
-        )
+    halved = 1
+    while max(gray.shape) >= HALVED_FROM * side and min(gray.shape) > 1:
+        # Without an odd last row or column: OpenCV would leave it out and count it.
+        even = gray[: gray.shape[0] // 2 * 2, : gray.shape[1] // 2 * 2]
+        half = cv2.resize(even, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+        gray, halved = np.asarray(half, dtype=np.uint8), 2 * halved
     small = np.asarray(cv2.resize(gray, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
-    return small, np.array([width / size[0], height / size[1]])
+    return small, halved * np.array([gray.shape[1] / size[0], gray.shape[0] / size[1]])
 
 
 def enlarged(points: FloatArray, scale: FloatArray) -> FloatArray:

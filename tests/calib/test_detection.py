@@ -10,7 +10,7 @@ from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board, parse_board
 from calibrary.calib.detection import detect, find_board_size
 from calibrary.calib.detectors.checkerboard import _quick
-from calibrary.calib.detectors.refinement import DETECTION_SIDE, enlarged, half_window
+from calibrary.calib.detectors.refinement import DETECTION_SIDE, enlarged, half_window, reduced
 from calibrary.calib.detectors.reliability import reliable
 from calibrary.calib.found import Found, NotFound, Reason
 from calibrary.calib.synthesis import Settings, poses, render, seen_corners
@@ -126,6 +126,18 @@ class TestCheckerboard:
         # A copy of 4 x 3 px of an image of 20 x 12 px: the edges of both lie half a pixel outside.
         corners = np.array([[-0.5, -0.5], [1.5, 1.0], [3.5, 2.5]])
         assert enlarged(corners, np.array([5.0, 4.0])).tolist() == [[-0.5, -0.5], [9.5, 5.5], [19.5, 11.5]]
+
+    def test_an_odd_last_row_or_column_moves_nothing_in_the_reduced_copy(self) -> None:
+        frame = np.zeros((2881, 3841), dtype=np.uint8)
+        frame[2800:2810, 3800:3810] = 255
+        small, scale = reduced(frame)
+        middle = (
+            np.array([small.sum(axis=0) @ np.arange(1280), small.sum(axis=1) @ np.arange(960)]) / small.sum()
+        )
+        assert np.abs(enlarged(middle[None], scale) - (3804.5, 2804.5)).max() < 0.2
+
+    def test_a_strip_is_reduced_to_no_less_than_one_row(self) -> None:
+        assert reduced(np.zeros((2, 16000), dtype=np.uint8))[0].shape == (1, 1280)
 
     def test_a_large_frame_gives_the_corners_of_its_full_resolution(self) -> None:
         small, truth = photograph(number=2)
