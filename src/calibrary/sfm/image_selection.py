@@ -2,7 +2,8 @@
 
 A few dozen overlapping images determine a lens as well as a thousand, provided that they differ in height, heading and
 tilt. The selection therefore finds the place with the most kinds of images around it and takes the nearest of each
-kind in turn. If the images state no positions, it takes consecutive images from the middle of the flight.
+kind in turn, among those that lie apart: images from one position, of a burst or of passes along one line, show no
+depth. If the images state no positions, it takes consecutive images from the middle of the flight.
 """
 
 from __future__ import annotations
@@ -35,6 +36,10 @@ NEIGHBOURS: Final = 12
 ALL_PAIRS: Final = 20
 """Up to this number of images all pairs are matched."""
 SEEDS: Final = 80
+REACH: Final = 2.5
+"""Images are near one place up to so many times the distance within which as many were taken as are wanted."""
+SEVERAL: Final = 3
+"""Number of images that a kind needs to count fully: one alone says little."""
 ENOUGH_POINTS: Final = 6
 """Number of surveyed points wanted: three define the frame, the others check them."""
 
@@ -177,10 +182,10 @@ def images_nearby(
     most: int,
     points: Sequence[frozenset[int]] | None = None,
 ) -> list[int]:
-    """Return the rows of the images around the place with images of all kinds close by.
+    """Return the rows of the images around the place with images of the most kinds close by.
 
     Args:
-        places: (N, 3) east, north and up.
+        places: (N, 3) east, north and up, in the order of capture.
         kinds: (height, heading, tilt) class of each image.
         most: largest number of images.
         points: surveyed points in each image; a place with several of them is preferred, and the distance of an image
@@ -188,22 +193,46 @@ def images_nearby(
     """
     points = points or [frozenset()] * len(places)
     nearer = np.array([0.5 if one else 1.0 for one in points])
-    by_kind = {kind: np.array([row for row, one in enumerate(kinds) if one == kind]) for kind in set(kinds)}
-    best: tuple[tuple[int, float], list[int]] | None = None
+    _, kind = np.unique(np.array(kinds), axis=0, return_inverse=True)
+    turn = _turns(places[:, :2], kind.ravel(), np.argsort(nearer, kind="stable"), most)
+    seeds = np.linspace(0, len(places) - 1, min(len(places), SEEDS)).astype(int)
     # Every place could be the best one; a sample of the flight's images comes close to it.
-    for seed in np.linspace(0, len(places) - 1, min(len(places), SEEDS)).astype(int).tolist():
-        apart = np.linalg.norm(places[:, :2] - places[seed, :2], axis=1) * nearer
-        queues = [rows[np.argsort(apart[rows], kind="stable")].tolist() for rows in by_kind.values()]
-        rows: list[int] = []
-        while len(rows) < most and any(queues):
-            # One of each kind in turn, so that frequent kinds leave room for rare ones.
-            rows += [queue.pop(0) for queue in queues if queue]
-        rows = sorted(rows[:most])
-        worst = -_marks_shown([points[row] for row in rows]), float(apart[rows].max())
-        if best is None or worst < best[0]:
-            best = worst, rows
-    assert best is not None  # noqa: S101  there is a seed
-    return best[1]
+    around = np.linalg.norm(places[seeds, None, :2] - places[:, :2], axis=2) * nearer
+    enough = turn <= np.sort(turn)[most - 1]
+    reach = REACH * np.sort(around[:, enough], axis=1)[:, most - 1].min()
+    found = []
+    for apart in around:
+        order = np.flatnonzero(enough & (apart <= reach))
+        order = order[np.lexsort((apart[order], turn[order], kind[order]))]
+        # One of each kind in turn, so that frequent kinds leave room for rare ones.
+        rank = np.arange(len(order)) - np.searchsorted(kind[order], kind[order])
+        rows = order[np.lexsort((rank, turn[order]))][:most]
+        several = int(np.minimum(np.bincount(kind[rows]), SEVERAL).sum())
+        marks = _marks_shown([points[row] for row in rows.tolist()])
+        found.append((-len(rows), -marks, -several, float(apart[rows].max()), sorted(rows.tolist())))
+    return min(found)[-1]
+
+
+def _turns(places: FloatArray, kind: IntArray, order: IntArray, most: int) -> IntArray:
+    """(N,) 0 for images that lie apart from others of their kind, 1 for what lies apart among the rest, and so on.
+
+    Apart is half a step of the flight: half of its course was flown in steps of that length or longer, however many
+    images were taken from one place. The longest hundredth are not flown over what is photographed. Once there are
+    ``most`` images the others have one number.
+    """
+    steps = np.sort(np.linalg.norm(np.diff(places, axis=0), axis=1))[: -1 - len(places) // 100]
+    flown = np.cumsum(steps)
+    apart = 0.5 * steps[np.searchsorted(flown, 0.5 * flown[-1])]
+    turn = np.full(len(places), len(places))
+    for number in range(len(places)):
+        near = turn < number
+        if int(near.sum()) >= most:
+            break
+        for row in order.tolist():
+            if not near[row]:
+                turn[row] = number
+                near |= (kind == kind[row]) & (np.linalg.norm(places - places[row], axis=1) <= apart)
+    return turn
 
 
 def _marks_shown(points: Sequence[frozenset[int]]) -> int:
@@ -215,11 +244,4 @@ def _marks_shown(points: Sequence[frozenset[int]]) -> int:
 def _placed(one: LocatedImage, place: FloatArray) -> FlightImage:
     assert one.fix is not None  # noqa: S101  only those are placed
     east, north, up = place.tolist()
-    image = one.image
-    return FlightImage(
-        path=image.path,
-        name=image.name,
-        size=image.size,
-        centre_m=(east, north, up),
-        centre_std_m=one.fix.std_m or RECEIVER_STD_M,
-    )
+    return replace(one.image, centre_m=(east, north, up), centre_std_m=one.fix.std_m or RECEIVER_STD_M)

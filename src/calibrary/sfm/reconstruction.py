@@ -155,7 +155,8 @@ def _chosen(
     model: Reconstruction, rows: BoolArray, most: int, shown: Mapping[str, frozenset[int]]
 ) -> BoolArray:
     """Select ``most`` images of different height, heading and tilt around one place; returns (V,) which."""
-    images = np.flatnonzero(rows)
+    # By name they are in the order of capture, which a program need not keep.
+    images = np.array(sorted(np.flatnonzero(rows).tolist(), key=model.names.__getitem__))
     turns, centres = model.rotations[images], model.centres[images]
     up = upward(model.points[np.unique(model.point[rows[model.image]])], centres)
     east = np.cross(up, (1.0, 0.0, 0.0) if abs(up[0]) < 0.9 else (0.0, 1.0, 0.0))
