@@ -6,7 +6,6 @@ pass in, because it takes more than the registry.
 
 from __future__ import annotations
 
-import re
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMapping, Sequence
 from functools import cached_property
@@ -24,7 +23,7 @@ from calibrary.known_camera import match_key
 from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.registry.entry import PARAMETERS, UNSTATED, Alias, Entry, Status, sealed
-from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.entry_yaml import TURNS, parse_entry
 from calibrary.registry.paths import (
     ROOT,
     SUFFIX,
@@ -165,9 +164,6 @@ def _board(path: str, entry: Entry, _: Policy) -> Iterator[Finding]:
         f"{found}, so it is good for nothing: do what the reasons ask for and calibrate again, or keep it a draft",
     )
 
-
-TURNS: Final = re.compile("[\u200e\u200f\u202a-\u202e\u2066-\u2069]")
-"""Characters that turn the direction of a line, and are seen by nobody."""
 
 RULES: Final[tuple[Callable[[str, Entry, Policy], Iterator[Finding]], ...]] = (
     _path,

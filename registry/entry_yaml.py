@@ -355,11 +355,13 @@ def _without_free(entry: Entry) -> Entry:
 # Comments and the order of fields that people put into a file. A comment on a line of its own belongs to the field or
 # item of a list that comes next; one at the end of a line, to the first of that line. If that field is gone, it moves
 # to the next one that is left, or to the end; with an item of a list that is taken out, it goes. Blank lines are
-# comments without a text. What cannot be seen in a comment, as what turns a line's direction, is written escaped.
+# comments without a text. What turns the direction of a line is written escaped.
 
 _COMMENT: Final = re.compile(r"^[ \t]*$|(?<!\S)#[^\n]*", re.MULTILINE)
 Steps: TypeAlias = tuple[str | int, ...]
 """Keys and positions that lead to a value."""
+TURNS: Final = re.compile("[\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
+"""Characters that turn the direction of a line, and are seen by nobody: Unicode's Bidi_Control."""
 _BREAK: Final = re.compile("\r\n?|[\x85\u2028\u2029]")
 
 
@@ -503,14 +505,9 @@ def _read(data: bytes) -> tuple[YamlValue, Sequence[Place], list[_Comment]]:
         # Behind a bracket that ends a list, it is of what the list is of.
         is_own = not masked[line:start].strip()
         place = here if is_beside else following if is_own else following - 1
-        found.append(_Comment("".join(map(_seen, match[0].strip())), place, is_beside))
+        seen = TURNS.sub(lambda turn: _escaped(turn[0]), match[0].strip())
+        found.append(_Comment(seen, place, is_beside))
     return document, places, found
-
-
-def _seen(character: str) -> str:
-    return (
-        character if character == "\t" else _escaped(character) if not character.isprintable() else character
-    )
 
 
 def _masked(text: str, places: Sequence[Place]) -> str:

@@ -107,10 +107,11 @@ def test_a_comment_goes_with_its_item_of_a_list_which_is_said_and_stays_with_one
     assert lost_comments(entry_yaml(two, [former]), two, [former]) is None
 
 
-def test_what_cannot_be_seen_in_a_comment_is_written_as_its_escape() -> None:
-    former = by_hand(ONE, ("grade:", "# 5.2\u202e mm\tlens é\ngrade:"))
+def test_what_turns_the_direction_of_a_comment_is_written_as_its_escape_and_nothing_else() -> None:
+    # The blanks of French and Japanese, and what stands between letters of Persian, are no less a person's text.
+    former = by_hand(ONE, ("grade:", "# 5.2\u202e\u00a0mm\tlens é\u3000レンズ می\u200cشود\ngrade:"))
     data = entry_yaml(replace(ONE, tags=("c",)), [former])
-    assert "# 5.2\\u202e mm\tlens é\n" in data.decode()
+    assert "# 5.2\\u202e\u00a0mm\tlens é\u3000レンズ می\u200cشود\n" in data.decode()
     assert comments_in(former) == comments_in(data)
 
 
