@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import combinations
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import cv2
 import numpy as np
 import pycolmap
+import pytest
 
 from calibrary.calibration import Calibration, Intrinsics
+from calibrary.errors import CalibrationError
+from calibrary.progress import Progress
+from calibrary.sfm.colmap_process import run_apart
 from calibrary.sfm.engine import FlightImage, MatchedFlight, _begin_database
-from calibrary.sfm.mapping import reconstruct
+from calibrary.sfm.mapping import OPENCV_FISHEYE, reconstruct
 from tests.sfm.flights import CAMERA, FISHEYE, SIZE, Plan, fly
 
 FLAT: Final = Plan(heights=(1.0, 1.0), cross=True, rows=2, columns=3, points=900, outliers=0.0)
@@ -58,6 +63,21 @@ def test_a_fisheye_over_flat_ground_is_reconstructed_whole(tmp_path: Path) -> No
 
 
 def test_a_perspective_lens_stays_one(tmp_path: Path) -> None:
+    tracks, scene = reconstruct(matched(tmp_path, CAMERA), start=START)
+    assert not scene.model.is_omnidirectional
+    assert tracks.used.all()
+
+
+def test_a_wide_lens_keeps_its_reconstruction_if_that_as_a_fisheye_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def run(work: Callable[..., Any], progress: Progress | None, *args: Any) -> object:
+        if args[-1] is OPENCV_FISHEYE:
+            raise CalibrationError("COLMAP failed on these images: its process died 2 times")
+        return run_apart(work, progress, *args)
+
+    monkeypatch.setattr("calibrary.sfm.mapping.run_apart", run)
+    monkeypatch.setattr("calibrary.sfm.mapping.WIDE_RAD", 0.1)
     tracks, scene = reconstruct(matched(tmp_path, CAMERA), start=START)
     assert not scene.model.is_omnidirectional
     assert tracks.used.all()

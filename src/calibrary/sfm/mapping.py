@@ -14,7 +14,7 @@ import math
 import sqlite3
 import tempfile
 from collections.abc import Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any, Final
 
@@ -80,8 +80,9 @@ def reconstruct(
         raise CalibrationError(reason_unfit(len(features), matches, size))
     if not fisheye and widest(*found) > WIDE_RAD:
         # A perspective lens follows a few images of a fisheye over flat ground, with a focal length of next to nothing.
-        other = run_apart(_map, progress, matched, start, OPENCV_FISHEYE)
-        found = max(found, other or found, key=lambda one: len(one[0].point))
+        with suppress(CalibrationError):
+            other = run_apart(_map, progress, matched, start, OPENCV_FISHEYE)
+            found = max(found, other or found, key=lambda one: len(one[0].point))
     return found
 
 
