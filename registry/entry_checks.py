@@ -18,6 +18,7 @@ from msgspec import Struct
 
 from calibrary.arrays import FloatArray
 from calibrary.calibration import CameraKey
+from calibrary.catalogue import as_written
 from calibrary.errors import InputError, RegistryError
 from calibrary.known_camera import match_key
 from calibrary.policy import Policy
@@ -145,12 +146,19 @@ def _not_positive(matrix: FloatArray, spread: FloatArray) -> str | None:
 
 
 def _spelling(path: str, entry: Entry, _: Policy) -> Iterator[Finding]:
-    """Find mixed scripts: a Cyrillic letter in a Latin name looks the same but makes another name."""
+    """Find mixed scripts: a Cyrillic letter in a Latin name looks the same but makes another name.
+
+    And a unit's make in other letters than images have it, which may be part of its serial number's hash.
+    """
     camera = entry.calibration.camera
     for name, text in (("make", camera.make), ("model", camera.model)):
         if text and not text.isascii() and len(found := scripts(text)) > 1:
             message = f"the {name} {text!r} mixes {' and '.join(sorted(found)).title()} letters"
             yield finding_of(path, "spelling", message, Severity.WARNING)
+    if camera.serial and camera.make and (written := as_written(camera.make)) != camera.make:
+        message = f"the make is {camera.make!r}, and {written!r} in images: if its serial number was hashed with that, "
+        message += "neither they nor --serial find it; then add it again with --serial, and retire this one"
+        yield finding_of(path, "spelling", message, Severity.WARNING)
 
 
 def _board(path: str, entry: Entry, _: Policy) -> Iterator[Finding]:

@@ -214,6 +214,11 @@ def test_a_name_of_two_scripts_is_a_warning() -> None:
     assert of(an_entry(model="Rеno 3")) == [("spelling", "warning")]
 
 
+def test_a_unit_whose_make_images_write_in_other_letters_is_a_warning() -> None:
+    assert of(an_entry(make="dji", serial="27634db88229fa80")) == [("spelling", "warning")]
+    assert of(an_entry(make="dji")) == []
+
+
 def test_a_character_that_turns_the_direction_of_a_line_is_a_warning() -> None:
     [(path, data)] = files(an_entry()).items()
     turned = data.replace(b"grade:", "# \u202e 5.2 mm\ngrade:".encode())

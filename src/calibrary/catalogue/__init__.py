@@ -548,13 +548,14 @@ def overlay(camera: CameraLike | None) -> Callable[[CameraKey], CameraKey]:
     def key_of(known: CameraKey) -> CameraKey:
         key = camera(known) if callable(camera) else replace(known, **stated)
         if key.make and key.serial and not is_serial_hash(key.serial):
-            key = replace(key, make=_as_written(key.make))
+            key = replace(key, make=as_written(key.make))
         return hashed(key)
 
     return key_of
 
 
-def _as_written(make: str) -> str:
+@cache
+def as_written(make: str) -> str:
     """A make in the letters of the catalogue, which are EXIF's; as it is if the catalogue does not know it."""
     written = {name for one in shipped_with(make.split()) for name in (one.make, *one.other_makes)}
     return (
