@@ -12,7 +12,7 @@ import pytest
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Grade
-from calibrary.distortion import KannalaBrandt
+from calibrary.distortion import KannalaBrandt, Rational
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
 from calibrary.rotations import rotation_matrix
@@ -160,6 +160,25 @@ def test_a_fisheye_is_told_from_the_models_that_can_follow_it() -> None:
     found = adjust(*fly(PLANS["oblique, flat"], 1, camera))
     assert found.bundle.scene.model is Solvable.FISHEYE
     np.testing.assert_allclose(found.bundle.scene.parameters[:2], 700.0, rtol=2e-3)
+
+
+def test_beside_a_lens_that_may_not_be_chosen_the_others_are_searched_to_their_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    lens = Rational(k1=0.35, k2=0.05, p1=0.0, p2=0.0, k3=0.002, k4=0.7, k5=0.18, k6=0.01)
+    wide = replace(CAMERA.intrinsics, fx=900.0, fy=900.0)
+    plan = changed(PLANS["two heights, relief"], relief=0.05)
+    tracks, start = fly(plan, 2, replace(CAMERA, intrinsics=wide, distortion=lens))
+
+    def brown() -> float:
+        return next(one.rms_px for one in adjust(tracks, start).candidates if one.model is Solvable.BROWN)
+
+    def unfit(model: Solvable, *_: object) -> str | None:
+        return "it folds" if model is Solvable.FISHEYE else None
+
+    stopped = brown()
+    monkeypatch.setattr("calibrary.sfm.adjust.reason_unfit", unfit)
+    assert brown() < 0.6 * stopped
 
 
 def test_a_lens_that_no_model_has_keeps_the_simpler_one_and_its_focal_length() -> None:

@@ -279,17 +279,20 @@ def _best(
     starts = [scene for scene in near if scene.model is not bundle.scene.model]
     if bundle.scene.model is Solvable.FISHEYE or _pays(bundle, Solvable.RATIONAL):
         starts.append(scene_of_model(bundle.scene, Solvable.RATIONAL))
-    tried = [(_candidate(bundle), bundle)]
+    first = _candidate(bundle)
+    tried = [(first, bundle)]
     for start in starts:
         with suppress(CalibrationError):
             worth = _worth(bundle, start.model)
+            # Beside a lens that may not be chosen, a worse one may be, and is searched to its end.
+            limit = worth + bundle.linear.priors.cost if first.refused is None else math.inf
             found = adjust_bundle(
                 bundle.tracks,
                 start,
                 held=held,
                 place_variance=bundle.place_variance,
                 most_steps=CANDIDATE_STEPS,
-                worth=worth + bundle.linear.priors.cost,
+                worth=limit,
             )
             if start.model is not Solvable.RATIONAL or found.linear.rss < worth:
                 tried.append((_candidate(found), found))
