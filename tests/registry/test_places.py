@@ -68,12 +68,12 @@ def test_one_registry_is_a_folder(monkeypatch: pytest.MonkeyPatch) -> None:
     assert one_registry("a") == one_registry(["a"]) == Path("a")
     with pytest.raises(UsageError, match="needs one registry"):
         one_registry(["a", "b"])
-    with pytest.raises(UsageError, match="this needs a registry's folder"):
+    with pytest.raises(UsageError, match="expected the folder of a registry"):
         one_registry(PUBLIC)
     variable(monkeypatch, f"{PUBLIC}; a; b")
     assert one_registry() == Path("a")
     variable(monkeypatch, PUBLIC)
-    with pytest.raises(RegistryError, match="which is published"):
+    with pytest.raises(RegistryError, match="expected the folder of a registry"):
         one_registry()
 
 

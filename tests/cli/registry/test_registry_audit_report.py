@@ -132,7 +132,7 @@ def test_an_audit_tells_each_unit_once_with_its_finding_and_what_to_do(
     assert f"clean {units[2]['name']}: 2 images, last on 2026-03-09, {units[2]['entries'][0]}" in " ".join(
         out.split()
     )
-    page = re.sub('<span class="flag">(.*?)</span>', r"\1", (tmp_path / "a.html").read_text())
+    page = re.sub('<span class="whole">(.*?)</span>', r"\1", (tmp_path / "a.html").read_text())
     first, flights, section = (
         page.index("What to do first"),
         page.index(">Flights</bdi></h2>"),

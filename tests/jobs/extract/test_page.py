@@ -57,7 +57,7 @@ def made(outcome: ExtractReport, folder: Path) -> Page:
 
 def text(page: Page) -> str:
     """What a reader sees."""
-    body = render_page(page).partition("<body>")[2]
+    body = re.sub('<span class="whole">(.*?)</span>', r"\1", render_page(page).partition("<body>")[2])
     return html.unescape(re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", body)))
 
 
