@@ -2,8 +2,8 @@
 
 A few dozen overlapping images determine a lens as well as a thousand, provided that they differ in height, heading and
 tilt. The selection therefore finds the place with the most kinds of images around it and takes the nearest of each
-kind in turn, among those that lie apart: images from one position, of a burst or of passes along one line, show no
-depth. If the images state no positions, it takes consecutive images from the middle of the flight.
+kind in turn, no more than two of a spot first: images from one position, of a burst or of passes along one line, show
+no depth. If the images state no positions, it takes consecutive images from the middle of the flight.
 """
 
 from __future__ import annotations
@@ -193,8 +193,9 @@ def images_nearby(
     """
     points = points or [frozenset()] * len(places)
     nearer = np.array([0.5 if one else 1.0 for one in points])
-    _, kind = np.unique(np.array(kinds), axis=0, return_inverse=True)
-    turn = _turns(places[:, :2], kind.ravel(), np.argsort(nearer, kind="stable"), most)
+    kind = np.unique(np.array(kinds), axis=0, return_inverse=True)[1].ravel()
+    # Two of a spot count alike: where no gimbal states its tilt, a second pass may look elsewhere.
+    turn = _turns(places[:, :2], kind, np.argsort(nearer, kind="stable"), most) // 2
     seeds = np.linspace(0, len(places) - 1, min(len(places), SEEDS)).astype(int)
     # Every place could be the best one; a sample of the flight's images comes close to it.
     around = np.linalg.norm(places[seeds, None, :2] - places[:, :2], axis=2) * nearer
@@ -206,7 +207,7 @@ def images_nearby(
         order = order[np.lexsort((apart[order], turn[order], kind[order]))]
         # One of each kind in turn, so that frequent kinds leave room for rare ones.
         rank = np.arange(len(order)) - np.searchsorted(kind[order], kind[order])
-        rows = order[np.lexsort((rank, turn[order]))][:most]
+        rows = order[np.lexsort((apart[order], rank, turn[order]))][:most]
         several = int(np.minimum(np.bincount(kind[rows]), SEVERAL).sum())
         marks = _marks_shown([points[row] for row in rows.tolist()])
         found.append((-len(rows), -marks, -several, float(apart[rows].max()), sorted(rows.tolist())))
@@ -218,7 +219,7 @@ def _turns(places: FloatArray, kind: IntArray, order: IntArray, most: int) -> In
 
     Apart is half a step of the flight: half of its course was flown in steps of that length or longer, however many
     images were taken from one place. The longest hundredth are not flown over what is photographed. Once there are
-    ``most`` images the others have one number.
+    ``most`` images, in two rounds at least, the others have one number.
     """
     steps = np.sort(np.linalg.norm(np.diff(places, axis=0), axis=1))[: -1 - len(places) // 100]
     flown = np.cumsum(steps)
@@ -226,7 +227,7 @@ def _turns(places: FloatArray, kind: IntArray, order: IntArray, most: int) -> In
     turn = np.full(len(places), len(places))
     for number in range(len(places)):
         near = turn < number
-        if int(near.sum()) >= most:
+        if number > 1 and int(near.sum()) >= most:
             break
         for row in order.tolist():
             if not near[row]:
