@@ -218,7 +218,14 @@ OTHER_NAMES = {
     "opencv": "brown",
     "equidistant": "kannala-brandt",
     "fisheye": "kannala-brandt",
+    "plumb-bob": "brown",
+    "radtan": "brown",
 }
+_OF_A_LENS = re.compile(
+    r"(?:opencv.)?fish.?eye|equidistant|kannala.?brandt\d?|kb\d|rad.?tan|plumb.?bob|brown(?:.?conrady)?|rational|omni|mei"
+    r"|scaramuzza|division|fov|double.?sphere|eucm",
+    re.IGNORECASE,
+)
 FARTHEST = 0.25
 """A principal point farther off the middle than this share of a side was counted from elsewhere."""
 SHORTEST_PX = 0.2
@@ -295,7 +302,10 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
         assumptions += ("the sheet does not state how its numbers came about; taken as calibrated",)
     return [
         Calibration(
-            camera=replace(CameraKey(image_size=size), **{name: sheet.text(name) for name in CAMERA}),
+            camera=replace(
+                CameraKey(image_size=size),
+                **{name: sheet.text(name) for name in CAMERA if name != "model" or not _names_a_lens(sheet)},
+            ),
             intrinsics=K,
             distortion=distortion,
             grade=Grade(grade),
@@ -505,7 +515,7 @@ def _distortion(
 
 def _stated_model(sheet: Sheet, asked: str | None) -> type[Distortion] | None:
     """The model that the caller or the sheet names."""
-    stated = asked or sheet.text("distortion")
+    stated = asked or sheet.text("distortion") or (sheet.text("model") if _names_a_lens(sheet) else None)
     if stated is None or _VECTOR.fullmatch(stated):
         return None
     word = "-".join(stated.lower().replace("_", " ").split())
@@ -515,6 +525,11 @@ def _stated_model(sheet: Sheet, asked: str | None) -> type[Distortion] | None:
             f"{strict.shown(stated)} is not known, expected {', '.join(LENSES)}", place="distortion_model"
         )
     return LENSES[model]
+
+
+def _names_a_lens(sheet: Sheet) -> bool:
+    """Whether what stands where a camera's name does is the kind of its lens, as in ``camera_model: fisheye``."""
+    return _OF_A_LENS.fullmatch(sheet.text("model") or "") is not None
 
 
 def _refuse_several_models(used: list[str], *, metric: bool) -> None:

@@ -209,6 +209,15 @@ def test_the_model_is_the_stated_one_or_beyond_doubt(lines: str, lens: Distortio
     assert read(PIXELS.partition("k1")[0] + lines).distortion == lens
 
 
+def test_a_lens_where_a_cameras_name_stands_is_its_lens() -> None:
+    found = read(PIXELS.partition("k1")[0] + "camera_model: fisheye\nk1 = 0.1\nk2 = 0.01\n")
+    assert found.distortion == KannalaBrandt(k1=0.1, k2=0.01, k3=0, k4=0)
+    assert found.camera.model is None
+    for other in ("fisheye", "double sphere", "omni"):
+        with pytest.raises(UnsupportedModelError):
+            read(PIXELS.partition("k1")[0] + f"camera_model: {other}\nk1 = 0.1\np1 = 0.01\n")
+
+
 def test_a_model_without_coefficients_is_refused() -> None:
     with pytest.raises(ParseError, match="no coefficient of brown"):
         read(PIXELS.partition("k1")[0] + "distortion_model = brown\n")
