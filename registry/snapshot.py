@@ -314,7 +314,10 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         """
         if self.repo is None or self.commit is None:
             return read_entry_file(self.place, path)
-        blob = self.repo.read(self.commit, path)
+        try:
+            blob = self.repo.read(self.commit, path)
+        except TooLargeError as error:
+            raise TooLargeError(f"{path}: {error}") from None
         if blob is None:
             raise RegistryError(f"{path}: not in commit {self.commit[:12]}")
         return blob.data

@@ -75,7 +75,7 @@ class ObjectReader:
         except BrokenPipeError:
             raise EOFError from None
         found = list[Answer | None]()
-        for name in names:
+        for _ in names:
             header = self._answers.readline()
             parts = header.split()
             if not header.endswith(b"\n"):
@@ -86,7 +86,7 @@ class ObjectReader:
             size = int(parts[2])
             if size > LARGEST_FILE and parts[1] == b"blob":
                 self.close()
-                raise TooLargeError(f"{name}: {size} bytes, expected at most {LARGEST_FILE}")
+                raise TooLargeError(f"{size} bytes, expected at most {LARGEST_FILE}")
             data = self._answers.read(size + 1)[:-1]
             if len(data) != size:
                 raise EOFError

@@ -251,6 +251,20 @@ def test_signatures_are_of_the_commits_that_are_there(
     refused(capsys, ("registry", "check", "--signatures"), ("content of another one",))
 
 
+@pytest.mark.parametrize("command", ["check", "list", "resolve", "show"])
+def test_a_file_much_too_large_is_told_by_its_path(
+    command: str, fleet: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (fleet / ENTRY.path).parent.mkdir(parents=True)
+    (fleet / ENTRY.path).write_text("#" * (2 << 20))
+    git(fleet, "add", "-A")
+    git(fleet, "commit", "-m", "by hand")
+    code, out, err = run(capsys, command, *([P4R] if command in {"resolve", "show"} else []))
+    assert (code != 0, f"{2 << 20} bytes, expected at most" in out + err, ENTRY.path in out + err) == (
+        True,
+    ) * 3
+
+
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root gives files away")
 def test_a_registry_of_another_user_is_opened_by_the_words_of_the_advice(
     broken: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
