@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from calibrary.calib.lens_models import Solvable
+from calibrary.calib.model_choice import Candidate
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Grade
 from calibrary.distortion import KannalaBrandt, Rational
@@ -170,15 +171,16 @@ def test_beside_a_lens_that_may_not_be_chosen_the_others_are_searched_to_their_e
     plan = changed(PLANS["two heights, relief"], relief=0.05)
     tracks, start = fly(plan, 2, replace(CAMERA, intrinsics=wide, distortion=lens))
 
-    def brown() -> float:
-        return next(one.rms_px for one in adjust(tracks, start).candidates if one.model is Solvable.BROWN)
+    def brown() -> Candidate:
+        return next(one for one in adjust(tracks, start).candidates if one.model is Solvable.BROWN)
 
     def unfit(model: Solvable, *_: object) -> str | None:
         return "it folds" if model is Solvable.FISHEYE else None
 
     stopped = brown()
+    assert "no better than fisheye; its search ended early" in (stopped.refused or "")
     monkeypatch.setattr("calibrary.sfm.adjust.reason_unfit", unfit)
-    assert brown() < 0.6 * stopped
+    assert brown().rms_px < 0.6 * stopped.rms_px
 
 
 def test_a_lens_that_no_model_has_keeps_the_simpler_one_and_its_focal_length() -> None:

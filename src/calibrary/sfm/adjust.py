@@ -295,7 +295,11 @@ def _best(
                 worth=limit,
             )
             if start.model is not Solvable.RATIONAL or found.linear.rss < worth:
-                tried.append((_candidate(found), found))
+                other = _candidate(found)
+                if first.refused is None and found.linear.rss >= worth:
+                    why = f"no better than {first.model.value}; its search ended early, so the RMS is at most this"
+                    other = replace(other, refused=other.refused or why)
+                tried.append((other, found))
     allowed = [pair for pair in tried if pair[0].refused is None] or tried[:1]
     return min(allowed, key=lambda pair: pair[0].criterion)[1], tuple(one for one, _ in tried)
 
