@@ -69,9 +69,8 @@ class Cache:
             self.documents.clear()
         self.documents[digest] = document
 
-    def _file(self, digest: str) -> str:
-        # Strings, as paths of pathlib take longer than a file that is read.
-        return f"{self.folder}/{FILES}/{digest[:2]}/{digest}"
+    def _file(self, digest: str) -> Path:
+        return self.folder / FILES / digest[:2] / digest
 
 
 @cache
@@ -79,25 +78,23 @@ def _shared(folder: Path) -> Cache:
     return Cache(folder)
 
 
-def _read(file: str) -> bytes:
+def _read(file: Path) -> bytes:
     """Read a file, and note once a day that it is used."""
-    with open(file, "rb", buffering=0) as opened:  # noqa: PTH123  a string
+    with file.open("rb", buffering=0) as opened:
         if time.time() - os.fstat(opened.fileno()).st_mtime > EVERY_S:
             with suppress(OSError):
                 os.utime(file)
         return opened.read(LARGEST)
 
 
-def _write(file: str, data: bytes) -> None:
+def _write(file: Path, data: bytes) -> None:
     """Write a file in place, without waiting for the disk: a part of it is told by its digest when it is used."""
     with suppress(OSError):
         try:
-            opened = open(file, "wb", buffering=0)  # noqa: PTH123, SIM115  a string; closed below
+            file.write_bytes(data)
         except FileNotFoundError:
-            os.makedirs(os.path.dirname(file), exist_ok=True)  # noqa: PTH103, PTH120  a string
-            opened = open(file, "wb", buffering=0)  # noqa: PTH123, SIM115  the same
-        with opened:
-            opened.write(data)
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_bytes(data)
 
 
 CACHE_MIB: Final = "CALIBRARY_CACHE_MIB"
