@@ -480,9 +480,9 @@ def of_statements(snapshot: Snapshot, paths: Iterable[str] | None = None) -> Ite
     book = snapshot.book
     for path, why in book.findings():
         yield _statement(path, f"a statement without effect: it {why}")
-    for subject in sorted(book.every.keys() - {subject_of(path) for path in wanted}):
+    for subject in sorted(book.read_all().keys() - {subject_of(path) for path in wanted}):
         path = f"{subject}{SUFFIX}"
-        if path.startswith(ROOT) and book.in_force(subject, book.every[subject]).content is not None:
+        if path.startswith(ROOT) and book.in_force(subject, book.read_all()[subject]).content is not None:
             yield replace(
                 finding_of(path, "approval", "is approved, and its file is gone"),
                 remedy="git revert restores it; 'calibrary registry retire KEY' ends its use",

@@ -239,8 +239,7 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         repo, _ = self.require_git("has no statements")
         book, subjects = self.book, [subject_of(path) for path in paths]
         if len(paths) > MANY:
-            # From here on, all of them are in memory.
-            _ = book.every
+            book.read_all()
         known = self.contents.seen(self._ref, subjects) if self._is_tip else {}
         there = [path for path in paths if path in self.paths]
         stated = dict(self.contents.parsed(self._each(there, RegistryError)))

@@ -345,9 +345,8 @@ class Book:
         for path, data in zip(files, contents, strict=True):
             yield parse_statement(path, data)
 
-    @property
-    def every(self) -> Mapping[str, list[Signed | Broken]]:
-        """All statements on entries and labels, by their subject, for a reader of all entries."""
+    def read_all(self) -> Mapping[str, list[Signed | Broken]]:
+        """Return all statements on entries and labels by their subject, then kept, for a reader of many."""
         if self._every is None:
             files = self._repo.listing(self._commit, STATEMENTS)
             found: dict[str, list[Signed | Broken]] = {}
@@ -480,7 +479,7 @@ class Book:
     def findings(self) -> Iterator[tuple[str, str]]:
         """Yield path and reason of each statement without effect."""
         yield from self.rulebook.problems
-        for statements in self.every.values():
+        for statements in self.read_all().values():
             for one in statements:
                 why = one.why if isinstance(one, Broken) else self.why_not(one)
                 if why is not None:

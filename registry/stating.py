@@ -271,7 +271,8 @@ def state_rules(snapshot: Snapshot, rules: RuleSet, reason: str | None) -> State
     # A second person signs the same list as the first, or the two would not be one change.
     known = next((body for body, _ in book.rulebook.waiting if body.terms == terms), None)
     lines = {
-        subject: [one.id for one in those if isinstance(one, Signed)] for subject, those in book.every.items()
+        subject: [one.id for one in those if isinstance(one, Signed)]
+        for subject, those in book.read_all().items()
     }
     ledger, files = ledger_files(lines) if known is None else (dict(known.ledger or {}), {})
     body = _of_book(
