@@ -515,14 +515,16 @@ def _distortion(
 
 def _stated_model(sheet: Sheet, asked: str | None) -> type[Distortion] | None:
     """The model that the caller or the sheet names."""
-    stated = asked or sheet.text("distortion") or (sheet.text("model") if _names_a_lens(sheet) else None)
+    name = "model" if "distortion" not in sheet and _names_a_lens(sheet) else "distortion"
+    stated = asked or sheet.text(name)
     if stated is None or _VECTOR.fullmatch(stated):
         return None
     word = "-".join(stated.lower().replace("_", " ").split())
     model = OTHER_NAMES.get(word, word)
     if model not in LENSES:
         raise UnsupportedModelError(
-            f"{strict.shown(stated)} is not known, expected {', '.join(LENSES)}", place="distortion_model"
+            f"{strict.shown(stated)} is not known, expected {', '.join(LENSES)}",
+            place=sheet.entries[name].key,
         )
     return LENSES[model]
 

@@ -213,8 +213,8 @@ def test_a_lens_where_a_cameras_name_stands_is_its_lens() -> None:
     found = read(PIXELS.partition("k1")[0] + "camera_model: fisheye\nk1 = 0.1\nk2 = 0.01\n")
     assert found.distortion == KannalaBrandt(k1=0.1, k2=0.01, k3=0, k4=0)
     assert found.camera.model is None
-    for other in ("fisheye", "double sphere", "omni"):
-        with pytest.raises(UnsupportedModelError):
+    for other, why in (("fisheye", "has no p1"), ("double sphere", "camera_model"), ("omni", "camera_model")):
+        with pytest.raises(UnsupportedModelError, match=why):
             read(PIXELS.partition("k1")[0] + f"camera_model: {other}\nk1 = 0.1\np1 = 0.01\n")
 
 
