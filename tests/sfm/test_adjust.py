@@ -178,7 +178,7 @@ def test_beside_a_lens_that_may_not_be_chosen_the_others_are_searched_to_their_e
         return "it folds" if model is Solvable.FISHEYE else None
 
     stopped = brown()
-    assert "no better than fisheye; its search ended early" in (stopped.refused or "")
+    assert "no better than fisheye where its search ended" in (stopped.refused or "")
     monkeypatch.setattr("calibrary.sfm.adjust.reason_unfit", unfit)
     assert brown().rms_px < 0.6 * stopped.rms_px
 

@@ -297,7 +297,7 @@ def _best(
             if start.model is not Solvable.RATIONAL or found.linear.rss < worth:
                 other = _candidate(found)
                 if first.refused is None and found.linear.rss >= worth:
-                    why = f"no better than {first.model.value}; its search ended early, so the RMS is at most this"
+                    why = f"no better than {first.model.value} where its search ended, so its RMS is at most this"
                     other = replace(other, refused=other.refused or why)
                 tried.append((other, found))
     allowed = [pair for pair in tried if pair[0].refused is None] or tried[:1]
