@@ -62,10 +62,21 @@ def test_a_fisheye_over_flat_ground_is_reconstructed_whole(tmp_path: Path) -> No
     assert tracks.used.all()
 
 
-def test_a_perspective_lens_stays_one(tmp_path: Path) -> None:
+def test_a_perspective_lens_stays_one_beside_a_fisheye(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried = []
+
+    def run(work: Callable[..., Any], progress: Progress | None, *args: Any) -> object:
+        tried.append(args[-1])
+        return run_apart(work, progress, *args)
+
+    monkeypatch.setattr("calibrary.sfm.mapping.run_apart", run)
+    monkeypatch.setattr("calibrary.sfm.mapping.WIDE_RAD", 0.1)
     tracks, scene = reconstruct(matched(tmp_path, CAMERA), start=START)
     assert not scene.model.is_omnidirectional
     assert tracks.used.all()
+    assert tried[-1] is OPENCV_FISHEYE
 
 
 def test_a_wide_lens_keeps_its_reconstruction_if_that_as_a_fisheye_fails(
