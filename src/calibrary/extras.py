@@ -124,11 +124,10 @@ def _loaded_version(module: str, job: str) -> str:
 
 def programs(*further: str) -> dict[str, str]:
     """Return the versions of calibrary, numpy and ``further`` modules, which took part in a calibration."""
-    versions = {name: str(import_module(name).__version__) for name in (*further, "numpy")}
-    return {
-        "calibrary": __version__,
-        **{{"cv2": "opencv"}.get(name, name): text for name, text in versions.items()},
-    }
+    versions = {"calibrary": __version__}
+    for name in (*further, "numpy"):
+        versions["opencv" if name == "cv2" else name] = str(import_module(name).__version__)
+    return versions
 
 
 def versions_in_words(versions: Mapping[str, str]) -> str:

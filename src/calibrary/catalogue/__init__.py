@@ -557,10 +557,9 @@ def overlay(camera: CameraLike | None) -> Callable[[CameraKey], CameraKey]:
 @cache
 def as_written(make: str) -> str:
     """A make in the letters of the catalogue, which are EXIF's; as it is if the catalogue does not know it."""
-    written = {name for one in shipped_with(make.split()) for name in (one.make, *one.other_makes)}
-    return (
-        make if make in written else next((one for one in sorted(written) if _fold(one) == _fold(make)), make)
-    )
+    names = {name for one in shipped_with(make.split()) for name in (one.make, *one.other_makes)}
+    alike = sorted(name for name in names if _fold(name) == _fold(make))
+    return make if make in alike or not alike else alike[0]
 
 
 def shipped_folder() -> Path:

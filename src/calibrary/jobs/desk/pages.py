@@ -35,7 +35,7 @@ from calibrary.errors import (
 from calibrary.extras import LABELS, require
 from calibrary.jobs.desk import boards, comparing, flights, onboarding
 from calibrary.jobs.desk.flights import Drop
-from calibrary.jobs.desk.guard import LOOPBACK, Keys
+from calibrary.jobs.desk.guard import LOCAL, LOOPBACK, Keys
 from calibrary.jobs.desk.review import decided, decision, decision_forms, proposal, queue
 from calibrary.jobs.desk.running import REPORT, SAME, desk_page, running
 from calibrary.jobs.desk.work import PATIENCE_S, Job, Jobs
@@ -686,7 +686,7 @@ def _good_for(calibration: Calibration, fleet: Fleet) -> Iterator[Block]:
 
 def _code(home: str, place: Place) -> Iterator[Block]:
     """The QR code that opens a page; of a desk that no telephone can reach, what prints one."""
-    if urlsplit(home).hostname in {LOOPBACK, "localhost"}:
+    if urlsplit(home).hostname in {LOOPBACK, LOCAL}:
         yield "This desk answers this machine alone. Codes of pages that are served elsewhere, for each unit a label:"
         yield Code(text="calibrary registry site FOLDER --labels https://HOST/PATH/", label="In a terminal")
         return
