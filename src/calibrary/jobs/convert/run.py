@@ -23,7 +23,7 @@ from calibrary.jobs.files import choose, read_file
 from calibrary.jobs.images.folders import files_in
 from calibrary.parsers.discovery import format_named
 from calibrary.parsers.format import Fidelity, Format, WriteVerdict, in_words
-from calibrary.parsers.plausible import refuse_implausible
+from calibrary.parsers.reading import refuse_implausible
 from calibrary.parsers.writing import format_to_write
 from calibrary.progress import Progress
 from calibrary.provenance import Grade

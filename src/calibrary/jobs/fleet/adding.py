@@ -25,7 +25,7 @@ from calibrary.jobs.fleet import Details
 from calibrary.jobs.layers.catalogue_entries import KIND, catalogue_entries
 from calibrary.jobs.weigh.entries import contradictions
 from calibrary.parsers.imagery import read_metadata
-from calibrary.parsers.plausible import refuse_implausible
+from calibrary.parsers.reading import refuse_implausible
 from calibrary.progress import log
 from calibrary.records import replace
 from calibrary.registry.entry import UNSTATED, Entry, Status, Validity, digest

@@ -16,7 +16,7 @@ from calibrary.errors import CalibraryError, InputError, MissingSizeError
 from calibrary.jobs.files import read_file, read_unsized
 from calibrary.jobs.images.folders import files_in
 from calibrary.parsers.discovery import format_named
-from calibrary.parsers.plausible import why_implausible, why_no_lens
+from calibrary.parsers.reading import why_implausible, why_no_lens
 from calibrary.parsers.unsized import UnsizedCalibration
 from calibrary.progress import Progress
 from calibrary.records import Json, Record, replace
