@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 from calibrary.errors import InputError
 from calibrary.interrupts import interrupts_held
 
 log = logging.getLogger(__name__)
+
+FEW = 8
+"""For no more files, starting threads takes longer than it saves."""
 
 
 def check_folder(path: Path, *, place: str | None = None) -> None:
@@ -47,6 +51,8 @@ def write_files(files: Mapping[Path, bytes]) -> None:
             temporary = path.with_name(f".{path.name}.{os.urandom(4).hex()}")
             staged.append((temporary, path))
             _stage(temporary, content)
+        for path, wait in _syncs(staged):  # noqa: B007  the message names the path
+            wait()
         with interrupts_held():
             while staged:
                 temporary, path = staged[0]
@@ -90,5 +96,23 @@ def _stage(temporary: Path, content: bytes) -> None:
     # Mode 0o666 less the umask, as open() uses; O_EXCL never overwrites an existing file.
     with os.fdopen(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666), "wb") as file:
         file.write(content)
-        file.flush()
+
+
+def _syncs(staged: Sequence[tuple[Path, Path]]) -> list[tuple[Path, Callable[[], object]]]:
+    """Return every path with a function that ends when its content is on the disk.
+
+    A file that takes its name before that may be empty after a power cut. Requests that wait side by side share a
+    commit of the file system's journal: 1500 files take 0.3 to 1.4 s, one after the other 1.7 to 6.
+    """
+    if len(staged) <= FEW:
+        return [(path, partial(_sync, temporary)) for temporary, path in staged]
+    from concurrent.futures import ThreadPoolExecutor  # noqa: PLC0415  for many files only
+
+    with ThreadPoolExecutor(32) as pool:
+        return [(path, pool.submit(_sync, temporary).result) for temporary, path in staged]
+
+
+def _sync(temporary: Path) -> None:
+    # Windows flushes only what is open for writing.
+    with temporary.open("r+b") as file:
         os.fsync(file.fileno())

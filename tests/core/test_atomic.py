@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import stat
+import threading
 from pathlib import Path
 
 import pytest
@@ -51,6 +52,37 @@ def test_an_interruption_leaves_no_temporary_file_and_no_folder(
     monkeypatch.setattr(atomic, "_stage", interrupted)
     with pytest.raises(KeyboardInterrupt):
         write_files({tmp_path / "a/one": b"1", tmp_path / "b/c/two": b"2"})
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_every_file_is_on_the_disk_before_any_takes_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    taken: list[int] = []
+    monkeypatch.setattr(os, "fsync", lambda _: taken.append(len([*tmp_path.glob("[!.]*")])))
+    write_files({tmp_path / f"{number}": b"1" for number in range(100)})
+    assert taken == [0] * 100
+
+
+def test_many_files_wait_for_the_disk_side_by_side(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Each waits for another: one after the other they would wait for ever.
+    both = threading.Barrier(2, timeout=60)
+    monkeypatch.setattr(os, "fsync", lambda _: both.wait())
+    write_files({tmp_path / f"{number}": b"1" for number in range(100)})
+    assert len([*tmp_path.iterdir()]) == 100
+
+
+def test_a_disk_that_fails_names_the_file_and_changes_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fsync(handle: int) -> None:
+        if os.fstat(handle).st_size == 2:
+            raise OSError(5, "Input/output error")
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    with pytest.raises(InputError, match="Input/output error; nothing was written") as told:
+        write_files({tmp_path / f"{number}": b"1" * (1 + (number == 40)) for number in range(100)})
+    assert told.value.source == str(tmp_path / "40")
     assert list(tmp_path.iterdir()) == []
 
 
