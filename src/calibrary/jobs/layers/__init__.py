@@ -184,7 +184,8 @@ class Layers(Struct, frozen=True, eq=False):
             if found is not None:
                 below = [_against(found, lower, key, on) for lower in self.layers[at + 1 :]]
                 return replace(
-                    self._with_layer_name(found, layer), disagreements=tuple(text for text in below if text)
+                    self._with_layer_name(found, layer, key),
+                    disagreements=tuple(text for text in below if text),
                 )
         return None
 
@@ -221,19 +222,22 @@ class Layers(Struct, frozen=True, eq=False):
         named = (layer for layer in self.layers if resolution is not None and layer.name == resolution.layer)
         return next(named, self.layers[0])
 
-    def _with_layer_name(self, found: Resolution, layer: Layer) -> Resolution:
+    def _with_layer_name(self, found: Resolution, layer: Layer, key: CameraKey) -> Resolution:
         """The resolution with the name of its layer, unless there is only a single folder."""
         is_alone = len([one for one in self.layers if one.kind is not LayerKind.CATALOGUE]) == 1
         if is_alone and layer.kind in {LayerKind.GIT, LayerKind.FOLDER}:
             return replace(found, layer=layer.name)
         calibration = found.calibration
         made = calibration.provenance
+        why = found.why
         if layer.kind is not LayerKind.CATALOGUE:
             made = replace(made, source=f"{layer.title} {found.path}")
+        elif key.serial is None and any(one.kind is LayerKind.PUBLISHED for one in self.layers):
+            why += "; a published registry finds the entry of a unit by its serial number alone: --serial"
         return replace(
             found,
             layer=layer.name,
-            why=f"{found.why}; from {_whence(layer)}",
+            why=f"{why}; from {_whence(layer)}",
             calibration=replace(calibration, provenance=made),
         )
 
