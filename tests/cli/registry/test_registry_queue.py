@@ -178,6 +178,15 @@ def test_flights_add_what_an_audit_finds_there(tmp_path: Path, capsys: pytest.Ca
     assert (matter["kind"], matter["text"].partition(":")[0]) == ("flights", "no entry")
 
 
+def test_an_old_calibration_is_told_once_with_flights_too(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put(fleet, an_entry(provenance=replace(FILE, date="2020-05-02")))
+    picture(tmp_path / "flight/a.jpg", make="DJI", model="FC6310R")
+    found = printed(capsys, "registry-status-1", "status", tmp_path / "flight")["matters"]
+    assert [one["kind"] for one in found if "2020-05-02" in one["text"]] == ["calibrate again"]
+
+
 @pytest.mark.parametrize("months", [1, 12, 24])
 @pytest.mark.parametrize("made", ["2024-01-31", "2024-02-29", "2025-12-01", "2023-11-30"])
 def test_the_day_from_which_a_calibration_is_old_is_the_first_on_which_it_is_called_so(

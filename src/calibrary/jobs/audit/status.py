@@ -390,9 +390,9 @@ def copy_matter(snapshot: Snapshot, place: str, horizon: date) -> Matter | None:
 
 
 def _flown(audited: AuditReport | None) -> Iterator[Matter]:
-    """What flights show: units without an entry, drift, and what else an audit warns of."""
+    """What flights show: units without an entry, drift, and what else an audit warns of but age, told of each entry."""
     for one in audited.findings if audited is not None else ():
-        if one.severity is not Severity.NOTE:
+        if one.severity is not Severity.NOTE and one.rule != Rule.OLD:
             what = one.place or one.camera or ""
             yield Matter(
                 kind=Kind.FLIGHTS, what=what, text=f"{one.rule}: {one.message}", yours=True, next=one.remedy
