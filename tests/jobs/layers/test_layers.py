@@ -162,7 +162,9 @@ class TestCatalogue:
     def test_it_says_that_a_published_registry_may_have_the_unit(self, public: Server) -> None:
         found = open_layers([public.url], catalogue=True).resolve(CameraKey(make="DJI", model="FC330"))
         assert found is not None
-        assert "a published registry finds the entry of a unit by its serial number alone: --serial" in found.why
+        assert (
+            "a published registry finds the entry of a unit by its serial number alone: --serial" in found.why
+        )
 
     @pytest.mark.parametrize("status", [Status.DRAFT, Status.RETIRED])
     def test_it_does_not_where_a_person_has_to_decide(self, tmp_path: Path, status: Status) -> None:

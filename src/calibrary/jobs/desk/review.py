@@ -19,6 +19,7 @@ from calibrary.jobs.desk.work import Job
 from calibrary.jobs.diff.comparison import DiffReport
 from calibrary.jobs.diff.page import badge_of, comparison_sections
 from calibrary.jobs.fleet import Fleet
+from calibrary.jobs.fleet.changes import MATERIAL
 from calibrary.pages import (
     Badge,
     Block,
@@ -39,7 +40,7 @@ from calibrary.pages.wording import count, distortion_blocks, intrinsics_items, 
 from calibrary.provenance import facts
 from calibrary.registry.git.writing import identity
 from calibrary.registry.paths import PROPOSED
-from calibrary.registry.proposals import Proposal
+from calibrary.registry.proposals import Proposal, Proposals
 from calibrary.validation import Severity
 
 ALTITUDE_M: Final = 100.0
@@ -135,7 +136,7 @@ def proposal(fleet: Fleet, key: str, said: Sequence[Section] = ()) -> Page:
             Note(text=str(each), tone=TONES.get(each.severity, Tone.NEUTRAL))
             for each in change.proposals.findings
         ),
-        *_approval_forms(one, name, branch, errors=bool(change.proposals.errors)),
+        *_approval_forms(one, name, branch, change.proposals),
     ]
     where = (("waits on the branch", branch),) if branch else ()
     facts_ = (
@@ -165,7 +166,7 @@ def _beside(compared: DiffReport) -> Section:
     return Section(title="Beside the entry in use", blocks=(told, *comparison_sections(compared, ALTITUDE_M)))
 
 
-def _approval_forms(one: Proposal, name: str, branch: str, *, errors: bool) -> Iterator[Block]:
+def _approval_forms(one: Proposal, name: str, branch: str, proposals: Proposals) -> Iterator[Block]:
     hidden = (
         Field(name="key", type="hidden", value=name),
         Field(name="branch", type="hidden", value=branch),
@@ -181,8 +182,12 @@ def _approval_forms(one: Proposal, name: str, branch: str, *, errors: bool) -> I
         fields=(
             *hidden,
             Field(name="what", type="hidden", value="approve"),
-            Field(name="reason", label="Why, for the history"),
-            *((force,) if errors or is_held else ()),
+            Field(
+                name="reason",
+                label="Why, for the history",
+                required=any(each.rule == MATERIAL for each in proposals.findings),
+            ),
+            *((force,) if proposals.errors or is_held else ()),
         ),
     )
     if branch:
