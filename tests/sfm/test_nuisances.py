@@ -135,6 +135,12 @@ def test_a_principal_point_that_wanders_from_image_to_image_widens_sigma() -> No
     assert all(abs(score) < 3 for score in scores(moved).values())
 
 
+def test_a_corner_of_the_frame_that_shows_no_point_leaves_the_camera_known() -> None:
+    tracks, scene = fly(OBLIQUE, 1)
+    seen = tracks.only(np.asarray((tracks.pixels > 0.3 * np.array(tracks.image_size)).any(axis=1)))
+    assert all(abs(score) < 3 for score in scores(flight_result(adjust(seen, scene))).values())
+
+
 def test_a_field_may_stand_for_a_focal_length_that_is_held() -> None:
     """Only what is free imitates a field."""
     tracks, scene = fly(OBLIQUE, 1)

@@ -110,11 +110,12 @@ def beside_the_lens(bundle: Bundle, linear: Linear, size: int) -> FloatArray:
 
 
 def basis(pixels: FloatArray, image_size: tuple[int, int]) -> FloatArray:
-    """Return (N, 2, k) derivatives of the pixels by the coefficients, half of them across and half down."""
+    """Return (N, 2, k) derivatives of the pixels by the coefficients that one of them shows, half across, half down."""
     x, y = (
         _splines(pixels[:, axis] / image_size[axis] * INTERVALS[axis], INTERVALS[axis]) for axis in (0, 1)
     )
     both = (x[:, :, None] * y[:, None, :]).reshape(len(pixels), -1)
+    both = both[:, both.any(axis=0)]
     by = np.zeros((len(pixels), 2, 2 * both.shape[1]))
     by[:, 0, : both.shape[1]] = both
     by[:, 1, both.shape[1] :] = both
