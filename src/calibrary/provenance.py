@@ -29,18 +29,20 @@ class Grade(StrEnum):
     @property
     def rank(self) -> int:
         """0 for the best grade, increasing."""
-        return list(Grade).index(self)
+        return _GRADES.index(self)
 
     @property
     def is_metric(self) -> bool:
         """Whether a solver may use intrinsics of this grade as a K."""
-        return self not in {Grade.PRIOR, Grade.SEED}
+        return self is not Grade.PRIOR and self is not Grade.SEED
 
     @property
     def meaning(self) -> str:
         """Explanation of the grade, for the legend of a report."""
         return GRADE_MEANINGS[self]
 
+
+_GRADES: Final = tuple(Grade)
 
 GRADE_MEANINGS = {
     Grade.CALIBRATED: "measured on this unit, with a calibration target or by the manufacturer",

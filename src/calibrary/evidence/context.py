@@ -40,13 +40,15 @@ class Source(StrEnum):
     @property
     def rank(self) -> int:
         """Position in the order of trust; 0 is the most trusted."""
-        return list(Source).index(self)
+        return _SOURCES.index(self)
 
     @property
     def rests_on(self) -> frozenset[str]:
         """The inputs that this source depends on: an error in one makes every source that uses it wrong."""
         return frozenset(RESTS_ON[self].split(", "))
 
+
+_SOURCES = tuple(Source)
 
 RESTS_ON = {
     Source.DJI_DEWARP_K6: "DJI calibration",

@@ -50,8 +50,9 @@ class Evidence(Struct, frozen=True, kw_only=True):
     @property
     def chosen(self) -> SourceEstimate | None:
         """The best estimate of K: the first with a metric grade, otherwise the first that lacks confirmation."""
-        usable = [one for one in self.estimates if one.is_whole and one.is_k]
-        return next((one for one in usable if one.grade.is_metric), usable[0] if usable else None)
+        whole = [one for one in self.estimates if one.is_whole]
+        usable = [one for one in whole if one.grade.is_metric] or [one for one in whole if one.is_k]
+        return usable[0] if usable else None
 
     def calibration(self, camera: CameraKey, source_name: str | None = None) -> Calibration | None:
         """The chosen estimate as a calibration of ``camera``, or None when there is no K."""
