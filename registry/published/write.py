@@ -104,7 +104,7 @@ def publish(
     *,
     signing: Signing = UNSIGNED,
     base_url: str | None = None,
-    workers: int | None = None,
+    workers: int = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> Publication:
     """Write the approved, held and retired entries of a state; all but the metadata depends only on the commit.
@@ -119,7 +119,7 @@ def publish(
         signing: keys, and how long it is valid.
         base_url: URL at which the folder is served; if given, the schemas are also written, with URLs below it as
             their ids.
-        workers: number of processes; by default one per processor.
+        workers: number of processes; 0 for one per processor.
         progress: called with (entries done, number of entries).
 
     Raises:
@@ -179,7 +179,7 @@ def _content(
     output: Output,
     before: Former,
     *,
-    workers: int | None,
+    workers: int,
     progress: Callable[[int, int], None] | None,
 ) -> _Content:
     """Write the files of entries and cameras, unless they exist."""
@@ -310,7 +310,7 @@ def written_rows(
     listed: _Listed,
     output: Output,
     *,
-    workers: int | None,
+    workers: int,
     progress: Callable[[int], None],
 ) -> list[Row]:
     """Write the files of entries, without drafts, and of earlier revisions that apply to other days; return the rows.
@@ -320,7 +320,7 @@ def written_rows(
         commit: commit to publish.
         listed: paths of the entries.
         output: output folder.
-        workers: number of processes; by default one per processor.
+        workers: number of processes; 0 for one per processor.
         progress: called with the number of entries done since the last call.
 
     Raises:
@@ -328,10 +328,9 @@ def written_rows(
         RegistryError: an entry cannot be read or must not be published.
     """
     chunks = [listed[start : start + CHUNK] for start in range(0, len(listed), CHUNK)]
-    count = (os.cpu_count() or 1) if workers is None else workers
     work = partial(_write_chunk, place=repo.path, commit=commit, out=output.root)
     rows: list[Row] = []
-    count = 1 if len(listed) < WORTH_A_POOL else count
+    count = 1 if len(listed) < WORTH_A_POOL else workers or os.cpu_count() or 1
     made = mapped(work, chunks, count, preload=[__name__], does="writes entries")
     for chunk, some in zip(chunks, made, strict=True):
         rows += some

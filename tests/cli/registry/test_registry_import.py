@@ -112,7 +112,15 @@ class TestCatalogue:
     @pytest.mark.usefixtures("fleet")
     @pytest.mark.parametrize(
         "arguments",
-        [["--approve"], [*CAMERA], ["--date", "2026-05-01"], ["--label", "A"], ["--force", "--reason", "so"]],
+        [
+            ["--approve"],
+            [*CAMERA],
+            ["--date", "2026-05-01"],
+            ["--label", "A"],
+            ["--valid-from", "2026-05-01"],
+            ["--valid-until", "2026-05-01"],
+            ["--force", "--reason", "so"],
+        ],
     )
     def test_what_it_does_not_take_is_a_misuse(
         self, capsys: pytest.CaptureFixture[str], arguments: list[str]

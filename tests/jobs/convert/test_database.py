@@ -159,7 +159,7 @@ def test_a_prior_is_written_on_request_and_as_one_that_colmap_refines(folder: Pa
 @pytest.mark.parametrize(
     ("sizes", "flags", "said"),
     [
-        ([(640, 480)], (), "none of its cameras has images of 4000×3000"),
+        ([(640, 480)], (), "has images of 4000×3000, as the calibration; it has 640×480"),
         ([(640, 480)], ("--into", "1"), "its camera 1 has images of 640×480"),
         ([SIZE], ("--into", "7"), "it has no camera 7; it has 1"),
     ],

@@ -226,3 +226,14 @@ def test_the_images_of_several_states_are_shown_by_state(tmp_path: Path) -> None
     assert "The images by what can change K or its meaning" in seen
     assert "takes over the camera's K" in seen
     assert "1 of 2 images lack drone-dji:DewarpData" in seen
+
+
+@pytest.mark.parametrize(("most", "more"), [(1, True), (2, False)])
+def test_the_images_beyond_those_shown_are_counted(
+    most: int, more: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(page_module, "MOST_NAMES", most)
+    for name in ("a", "b"):
+        picture(tmp_path / "flight" / f"{name}.jpg", **P4R, dewarp=DEWARP)
+    seen = text(made(gate(tmp_path / "flight"), tmp_path))
+    assert ("and 1 more, listed in the report" in seen) is more

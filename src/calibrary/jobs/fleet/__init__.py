@@ -696,7 +696,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
             self.folder,
             Path(out),
             labels=check_address(labels) if labels is not None else None,
-            workers=workers or None,
+            workers=workers,
             progress=labelled(progress, "pages"),
         )
 
@@ -755,7 +755,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
                 valid_days=valid_days,
             ),
             base_url=base_url,
-            workers=workers or None,
+            workers=workers,
             progress=labelled(progress, "entries"),
         )
         if site:

@@ -73,7 +73,7 @@ def build(
     out: Path,
     *,
     labels: str | None = None,
-    workers: int | None = None,
+    workers: int = 0,
     progress: Progress | None = None,
 ) -> Site:
     """Build the site of a registry in a folder; an earlier site there is replaced as a whole.
@@ -82,7 +82,7 @@ def build(
         registry: folder of the registry.
         out: a new or empty folder, or an earlier site.
         labels: address at which the site is served: also make a sheet of labels of the units.
-        workers: processes; by default one per processor.
+        workers: processes; 0 for one per processor.
         progress: called with the number of entries done and the total.
 
     Raises:
@@ -122,7 +122,7 @@ def build_into(
     registry: Path,
     *,
     published: bool = False,
-    workers: int | None = None,
+    workers: int = 0,
     progress: Progress | None = None,
 ) -> Site:
     """Write a site into an empty folder.
@@ -131,7 +131,7 @@ def build_into(
         folder: an empty folder.
         registry: folder of the registry.
         published: whether the published files for programs are next to it.
-        workers: processes; by default one per processor.
+        workers: processes; 0 for one per processor.
         progress: called with the number of entries done and the total.
 
     Raises:
@@ -159,9 +159,7 @@ def build_into(
         for path in sorted(snapshot.paths)
     ]
     chunks = [tasks[start : start + CHUNK] for start in range(0, len(tasks), CHUNK)]
-    count = (os.cpu_count() or 1) if workers is None else workers
-    if len(tasks) < WORTH_A_POOL:
-        count = 1
+    count = 1 if len(tasks) < WORTH_A_POOL else workers or os.cpu_count() or 1
     cards: list[Card] = []
     write = partial(write_entries, job=job)
     for some in mapped(write, chunks, count, preload=[__name__], does="makes pages"):
