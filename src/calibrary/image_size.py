@@ -19,3 +19,9 @@ def same_aspect(a: ImageSize, b: ImageSize, tolerance: float = ASPECT_TOLERANCE)
     (wa, ha), (wb, hb) = a, b
     rounding = 1.0 / min(wa, ha, wb, hb)
     return abs(wa * hb / (ha * wb) - 1.0) <= max(tolerance, rounding)
+
+
+def is_resized(a: ImageSize, b: ImageSize) -> bool:
+    """Return whether one size is the other resized, its sides rounded to whole pixels: 5472×3648 to 2048×1365."""
+    (width, height), (w, h) = sorted((a, b), reverse=True)
+    return abs(height * w / width - h) < 1.0

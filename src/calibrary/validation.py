@@ -48,6 +48,9 @@ class Severity(StrEnum):
     ERROR = "error"
 
 
+EDITED: Final = "as-recorded"
+"""Rule that finds images which are not as the camera wrote them; its message states their number."""
+
 UNPROVEN_LEGEND = "unproven: plausible, but no second source confirms it, or one contradicts it"
 """Explanation of the verdict, printed once in every report."""
 
@@ -525,7 +528,7 @@ def _as_the_camera_wrote_it(_: Calibration, policy: Policy, context: ValidationC
     """A program that crops, resizes or corrects an image moves its pixels, and mostly leaves the tags unchanged."""
     for edit in context.edits:
         yield Finding(
-            rule="as-recorded",
+            rule=EDITED,
             severity=Severity.UNPROVEN if policy.assumed_sensor_is_unproven else Severity.WARNING,
             message=edit,
             remedy=GIVE_FILES,
@@ -595,7 +598,7 @@ RULES: Final[Mapping[str, Rule]] = {
     "source-agreement": _source_agreement,
     "sensor-stated": _sensor_stated,
     "digital-zoom": _digital_zoom,
-    "as-recorded": _as_the_camera_wrote_it,
+    EDITED: _as_the_camera_wrote_it,
     "distortion-monotonic": _distortion_monotonic,
     "one-k-per-camera": _group_spread,
 }

@@ -154,6 +154,26 @@ def test_a_16_9_mode_is_told_as_a_part_of_the_frame(
     assert "a part of the frame" in finding["message"]
 
 
+def test_images_that_a_program_changed_are_told_and_not_as_another_scale(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    approved(fleet, xml(tmp_path / "a.xml"))
+    image = phantom(tmp_path / "small" / "a.jpg", (2736, 1824), pixel_size=(5472, 3648))
+    [finding] = audited(capsys, tmp_path / "small")["findings"]
+    assert finding["rule"] == "images changed by a program"
+    assert finding["remedy"] == "provide the original files from the camera"
+    assert "nothing shows that this K describes it" in run(capsys, "resolve", image)[2]
+
+
+@pytest.mark.usefixtures("fleet")
+def test_an_entry_of_smaller_images_sends_no_camera_back_to_its_full_frame(
+    flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    add(xml(tmp_path / "a.xml", 3660.5 / 2, (2736, 1824)), "--approve", "--date", TODAY)
+    [finding] = [one for one in audited(capsys, flight)["findings"] if one["rule"] == "image size changed"]
+    assert finding["remedy"] == "calibrate it at this size and add that"
+
+
 def test_a_k_beyond_the_entrys_tolerance_is_a_drift(
     fleet: Path, flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -75,6 +75,7 @@ CALIBRATED: list[tuple[str, Callable[[Path], Path], str, str]] = [
     ("the unit's own, as XML", as_xml(UNIT), "right", "right to 0.00 %"),
     ("the unit's own, as YAML", as_yaml(UNIT), "right", "right to 0.00 %"),
     ("the unit's own, of half-size images", as_xml(HALF), "right", "right to 0.00 %"),
+    ("its own, of a size that ODM rounds", as_xml(UNIT.scaled((2048, 1365))), "right", "right to 0.0"),
     ("the unit's own, as a bare K", as_k(3669.2), "right", "does not state the distortion"),
     ("a typed f", as_k(3648.0), "off", "off by 0.58 %, 58 cm of height at 100 m"),
     ("a typed f in XML", as_xml(with_k(fx=3648.0, fy=3648.0)), "off", "off by 0.58 %, 58 cm of height"),

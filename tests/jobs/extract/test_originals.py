@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from calibrary.calibration import Grade
+from calibrary import check, write
+from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance
+from calibrary.distortion import BrownConrady
 from calibrary.evidence.metadata import Encoding, ImageMetadata
 from calibrary.evidence.originality import Pixels
+from calibrary.jobs.extract.calibration_files import Rightness
 from calibrary.jobs.weigh.use import Use
 from calibrary.records import replace
 from calibrary.validation import Verdict
 from tests.evidence.scenes import p4_rtk, xmp
 from tests.imagery import ExifTags, Namespace, XmpDescription, XmpPacket, attributes, write_jpeg
 from tests.imagery.jpeg import JFIF, assemble, exif_segment, flat_scan
-from tests.jobs.extract.fleet import DEWARP, P4R, gate, judged, only, picture
+from tests.jobs.extract.fleet import DEWARP, P4R, entry, files, gate, judged, only, picture
 
 GPANO = Namespace("GPano", "http://ns.google.com/photos/1.0/panorama/")
 
@@ -122,3 +126,48 @@ def test_a_file_that_a_program_saved_again_is_unproven_and_the_report_shows_why(
     assert shown["b.jpg"].pixels is Pixels.RESAVED
     assert "it begins with a JFIF segment, which DJI cameras do not write" in shown["b.jpg"].seen
     assert shown["b.jpg"].verdict is Verdict.UNPROVEN
+
+
+UNIT = Calibration(
+    camera=CameraKey(image_size=(5472, 3648)),
+    intrinsics=Intrinsics(fx=3661.25, fy=3661.25, cx=2736.0, cy=1824.0, image_size=(5472, 3648)),
+    distortion=BrownConrady(k1=-0.26, k2=0.11, p1=0.0, p2=0.0, k3=-0.03),
+    grade=Grade.CALIBRATED,
+    provenance=Provenance(kind="test"),
+)
+HALVED: dict[str, Any] = {"size": (2736, 1824), "pixel_size": (5472, 3648)}
+"""Resized, or a quarter cut out: the header is the same."""
+CORRECTED: dict[str, Any] = {"software": "DxO PhotoLab 6.3"}
+
+
+@pytest.mark.parametrize("change", [HALVED, CORRECTED], ids=["resized or cropped", "lens corrected"])
+@pytest.mark.parametrize("by", ["file", "entry"])
+def test_a_k_measured_elsewhere_is_not_that_of_images_that_a_program_changed(
+    tmp_path: Path, change: dict[str, Any], by: str
+) -> None:
+    folder, fleet = tmp_path / "flight", tmp_path / "fleet"
+    picture(folder / "original/a.jpg", **P4R)
+    picture(folder / "changed/a.jpg", **P4R, **change)
+    entry(fleet, "dji/fc6310r/5472x3648")
+    for name in ("original", "changed"):
+        write(UNIT, folder / name / "lens.xml", format="agisoft_xml")
+    asked = {"registry": files(fleet)} if by == "entry" else {}
+    if by == "entry":
+        assert only(gate(folder / "original", **asked)).verdict is Verdict.VALID
+    found = only(gate(folder / "changed", **asked))
+    assert found.verdict is Verdict.UNPROVEN
+    assert found.calibration is not None
+    assert found.calibration.grade is Grade.DERIVED
+    [one] = check(folder / "changed").files
+    assert one.verdict is Rightness.UNKNOWN
+    assert str(found.camera.reason) in one.message
+
+
+def test_a_k_of_the_very_size_of_resized_images_is_theirs(tmp_path: Path) -> None:
+    picture(tmp_path / "a.jpg", **P4R, **HALVED)
+    write(UNIT.scaled((2736, 1824)), tmp_path / "lens.xml", format="agisoft_xml")
+    found = only(gate(tmp_path))
+    assert found.verdict is Verdict.VALID
+    assert found.calibration is not None
+    assert found.calibration.intrinsics.fx == pytest.approx(3661.25 / 2)
+    assert check(tmp_path).is_right

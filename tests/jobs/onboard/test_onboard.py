@@ -52,6 +52,17 @@ def test_a_folder_is_sorted_whatever_lies_where(
     assert fleet.exists()
 
 
+def test_a_file_of_the_whole_frame_is_not_of_images_that_may_be_a_part(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    picture(tmp_path / "payload/DJI_0001.JPG", (2736, 1824), **PHANTOM, pixel_size=(5472, 3648))
+    xml(tmp_path / "payload/camera.xml")
+    [camera] = document(capsys, tmp_path / "payload", *UNIT)["cameras"]
+    assert camera["decision"] == "refused"
+    assert "resized, or cropped" in camera["reason"]
+    assert fleet.exists()
+
+
 def test_images_too_few_for_frames_of_a_board_need_no_opencv(
     fleet: Path, payload: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

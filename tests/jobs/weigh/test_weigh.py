@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from calibrary import FLEET, Calibration, CameraKey, Grade, Intrinsics, Provenance
-from calibrary.jobs.weigh import NOMINAL, Source, Standing, foreign, weigh
+from calibrary.jobs.weigh import NOMINAL, Source, Standing, foreign, model_of, weigh
+from calibrary.records import replace
 
 SIZE = (4000, 3000)
 KEY = CameraKey(make="Example", model="One", focal_mm=24.0, image_size=SIZE)
@@ -113,3 +114,16 @@ def test_a_calibration_that_names_another_camera_is_not_of_these_images(
         provenance=Provenance(kind="test"),
     )
     assert foreign(named, images) == why
+
+
+@pytest.mark.parametrize(
+    ("name", "model"),
+    [
+        ("v2 dji fc6310r 5472 3648 brown 0.6666", "v2 dji fc6310r"),
+        ("v2 unknown unknown 4000 3000 perspective 0", None),
+        ("apple unknown 4032 3024 brown 0.8", None),
+    ],
+)
+def test_opensfms_name_of_a_camera_states_its_model_where_it_knows_one(name: str, model: str | None) -> None:
+    named = replace(FILE.calibration, camera=CameraKey(), extras=(("opensfm/camera", name),))
+    assert model_of(named) == model

@@ -32,7 +32,7 @@ from calibrary.registry.entry import Entry, Status
 from calibrary.registry.firmware import compare as compare_versions
 from calibrary.registry.paths import id_of
 from calibrary.registry.resolution import RegistryIndex, Resolution
-from calibrary.validation import Finding, Severity
+from calibrary.validation import GIVE_FILES, Finding, Severity
 
 MOST_NEAR: Final = 3
 
@@ -126,7 +126,7 @@ def _nameless(flown: Flown) -> Finding:
         severity=Severity.WARNING,
         camera=camera_words(flown),
         message=f"{_count(flown)} that name {missing}, by which an entry is found, such as {flown.camera.names[0]}",
-        remedy="provide the original files from the camera",
+        remedy=GIVE_FILES,
     )
 
 
@@ -242,17 +242,29 @@ def _may_be_same(one: str, other: str) -> bool:
 def _size(answer: Answer, found: Resolution) -> Iterator[Finding]:
     entry, flown = found.entry, answer.flown
     kept, seen = entry.calibration.intrinsics.image_size, found.calibration.intrinsics.image_size
+    if (doubt := flown.camera.doubt(entry.calibration)) is not None:
+        yield Finding(
+            rule=Rule.EDITED,
+            severity=Severity.WARNING,
+            camera=camera_words(flown),
+            place=answer.entry_id,
+            message=f"{doubt}: nothing shows that the entry's K describes them",
+            remedy=GIVE_FILES,
+        )
+        return
     if kept == seen:
         return
+    assumed = "; ".join(found.calibration.provenance.assumptions)
     how = "another scale of the same frame" if same_aspect(kept, seen) else "a part of the frame"
+    back = "set the camera back to its full frame, or " if seen < kept else ""
     yield Finding(
         rule=Rule.SIZE,
         severity=Severity.WARNING,
         camera=camera_words(flown),
         place=answer.entry_id,
         message=f"images are {seen[0]}×{seen[1]} and the entry is of {kept[0]}×{kept[1]}: {how}, so its K is "
-        f"taken over by arithmetic ({'; '.join(found.calibration.provenance.assumptions) or 'exact'})",
-        remedy="set the camera back to its full frame, or calibrate it at this size and add that",
+        f"taken over by arithmetic{f' ({assumed})' if assumed else ''}",
+        remedy=f"{back}calibrate it at this size and add that",
     )
 
 

@@ -37,6 +37,7 @@ class Rule(StrEnum):
     NAMELESS = "no name"
     FIRMWARE = "firmware changed"
     SIZE = "image size changed"
+    EDITED = "images changed by a program"
     UNITS = "units differ"
     UNKNOWN_UNITS = "units unknown"
     OVER = "validity over"

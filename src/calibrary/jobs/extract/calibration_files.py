@@ -346,9 +346,12 @@ def _held(
         bool(speaking)
         or max(held_against.tolerance, held_against.engraved) + held_against.rounding <= NOMINAL
     )
-    verdict = Rightness.OFF if not found.may_be_used else Rightness.RIGHT if is_near else Rightness.UNKNOWN
+    doubt = camera.camera.doubt(nearest)
+    is_right = is_near and doubt is None
+    verdict = Rightness.OFF if not found.may_be_used else Rightness.RIGHT if is_right else Rightness.UNKNOWN
     base = replace(base, verdict=verdict, held_against=held_against.name, expected_fx=held_against.fx)
-    return _in_numbers(base, stated, held_against, found, policy)
+    told = _in_numbers(base, stated, held_against, found, policy)
+    return told if doubt is None else replace(told, message=f"{told.message}; {doubt}")
 
 
 def _in_numbers(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from msgspec import Struct
 
@@ -20,7 +20,7 @@ from calibrary.jobs.images.observation import Seen, names_a_camera, path_order
 from calibrary.jobs.weigh import Source, of_images
 from calibrary.policy import Policy
 from calibrary.records import Record, replace
-from calibrary.validation import Report, Verdict
+from calibrary.validation import EDITED, Report, Verdict
 
 DEFAULT_SENSOR_MM = (13.2, 8.8)
 """The nominal 1-inch sensor, the default of the source document."""
@@ -139,6 +139,22 @@ class Camera(Struct, frozen=True, kw_only=True):
             found.update(dict.fromkeys(one.evidence.dropped, one.state.count))
         return tuple(found.items())
 
+    def doubt(self, own: Calibration) -> str | None:
+        """Why a K that was measured elsewhere may not be of these images: a program changed them; None if none did.
+
+        A K of their very size describes their frame, as far as that shows, but not a lens that was corrected since.
+
+        Args:
+            own: at the image size at which it was measured.
+        """
+        states = self.states
+        is_certain = any(one.original.lens_corrected or one.original.moved for one in states)
+        if own.intrinsics.image_size == states[0].metadata.size and not is_certain:
+            return None
+        told = self.report.findings if self.report is not None else ()
+        stated = [one.message for one in told if one.rule == EDITED] or [*edits_of(states).values()]
+        return stated[0] if stated else None
+
     def sources(self, policy: Policy) -> tuple[Source, ...]:
         """Everything that states a K for its images: their tags, and the registry's entry."""
         return of_images(self.evidence, self.key, policy, self.states[0].known.resolution)
@@ -159,6 +175,27 @@ class Camera(Struct, frozen=True, kw_only=True):
     def remedy(self) -> str | None:
         """What to do about it; None for a valid K."""
         return self.report.remedy if self.report is not None else self.no_k_remedy
+
+
+def edits_of(states: Sequence[State]) -> dict[str, str]:
+    """What was done to images after the camera wrote them, each as a sentence, and with the number of images."""
+    edited, first_of = Counter[str](), dict[str, str]()
+    for state in states:
+        edited.update(dict.fromkeys(state.original.done, state.count))
+        first_of = dict.fromkeys(state.original.done, state.names[0]) | first_of
+    images = sum(state.count for state in states)
+    return {
+        f"the image was {edit}": f"{_of(count, images)} {edit}"
+        + (f"; the first is {first_of[edit]}" if count < images else "")
+        for edit, count in edited.items()
+    }
+
+
+def _of(count: int, images: int) -> str:
+    if images == 1:
+        return "the image was"
+    were = "was" if count == 1 else "were"
+    return f"all {images} images were" if count == images else f"{count} of {images} images {were}"
 
 
 def group_cameras(

@@ -18,10 +18,11 @@ from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intr
 from calibrary.distortion import NoDistortion
 from calibrary.errors import InputError, first_of
 from calibrary.evidence.context import Source
+from calibrary.image_size import is_resized
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.judging import validation_context
 from calibrary.jobs.extract.knowledge import Knowledge, Known
-from calibrary.jobs.weigh import MEASURED, Weighed, foreign, weigh
+from calibrary.jobs.weigh import MEASURED, Weighed, foreign, model_of, weigh
 from calibrary.jobs.weigh import Source as Stated
 from calibrary.jobs.weigh.use import allowed
 from calibrary.policy import Policy
@@ -230,18 +231,18 @@ def _from_files(camera: Camera, size: ImageSize, policy: Policy, sources: Source
         files = first_of(dict.fromkeys(source for source, _ in measured))
         why = f"{different} different calibrations fit images of this size: {files}; keep one"
         return None, None, Step(step=name, outcome=StepOutcome.REFUSED, why=why)
-    if sources.rivals.get(size, 0) > 1 and calibration.camera.model is None:
-        why = f"{sources.rivals[size]} cameras of this size have no K, and the file does not state its camera"
+    model = model_of(calibration)
+    if sources.rivals.get(size, 0) > 1 and (model is None or camera.key.model is None):
+        whose = "the file does not state its camera" if model is None else "these images do not state theirs"
+        why = f"{sources.rivals[size]} cameras of this size have no K, and {whose}"
         return None, None, Step(step=name, outcome=StepOutcome.REFUSED, source=source, why=why)
-    if calibration.intrinsics.image_size != size:
-        calibration = calibration.scaled(size)
-    return _judged(camera, replace(calibration, camera=camera.key), policy, name, source)
+    scaled = replace(calibration.scaled(size), camera=camera.key)
+    return _judged(camera, scaled, policy, name, source, measured=calibration)
 
 
 def fits(calibration: Calibration, size: ImageSize) -> bool:
     """Whether a calibration is of images with the sides of these."""
-    width, height = calibration.intrinsics.image_size
-    return width * size[1] == height * size[0]
+    return is_resized(calibration.intrinsics.image_size, size)
 
 
 def _from_registry(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
@@ -270,7 +271,8 @@ def _from_registry(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
         why = f"{camera.reason}; one of the two is wrong"
         step = Step(step=name, outcome=StepOutcome.REFUSED, source=resolved.provenance.source, why=why)
         return None, None, step
-    calibration, report, step = _judged(camera, resolved, policy, name, resolved.provenance.source)
+    own, source = known.resolution.entry.calibration, resolved.provenance.source
+    calibration, report, step = _judged(camera, resolved, policy, name, source, measured=own)
     if step.outcome is StepOutcome.TAKEN:
         step = replace(step, why=f"{step.why}; {known.resolution.why}")
     return calibration, report, step
@@ -382,9 +384,18 @@ def by_pixels(camera: Camera, fallback: Fallback | None, measured: Calibration, 
 
 
 def _judged(
-    camera: Camera, calibration: Calibration, policy: Policy, name: StepName, source: str | None
+    camera: Camera,
+    calibration: Calibration,
+    policy: Policy,
+    name: StepName,
+    source: str | None,
+    measured: Calibration | None = None,
 ) -> Attempt:
-    """Weigh a fallback against the images' own sources and the entry, and validate it; if it fails, it is not used."""
+    """Weigh a fallback against the images' own sources and the entry, and validate it; if it fails, it is not used.
+
+    What was ``measured`` on other images is not of images that a program changed since.
+    """
+    doubt = camera.doubt(measured) if measured is not None else None
     around = validation_context(camera.evidence, camera.states[0].known)
     around = replace(
         around,
@@ -393,7 +404,7 @@ def _judged(
         sensor_assumed=False,
         sensor_given=False,
         zoom=1.0,
-        edits=(),
+        edits=(doubt,) if doubt is not None else (),
         focal_mm=None,
         spread=None,
     )
@@ -406,6 +417,8 @@ def _judged(
     # An unproven fallback can replace a rejected K, but is no better than an unproven one.
     needed = {Verdict.VALID} if camera.verdict is Verdict.UNPROVEN else {Verdict.VALID, Verdict.UNPROVEN}
     why = report.failures[0].message if report.verdict not in needed else None
+    if why is not None and why == doubt:
+        why = "nothing shows that what it describes is left in images that a program changed"
     if camera.evidence.scene.is_fisheye and isinstance(calibration.distortion, NoDistortion | None):
         why = "a fisheye lens needs its distortion, and this K has none; provide the whole calibration"
     if why is not None:

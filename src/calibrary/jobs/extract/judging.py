@@ -28,6 +28,7 @@ from calibrary.jobs.extract.cameras import (
     JudgedState,
     Sensor,
     State,
+    edits_of,
     group_cameras,
 )
 from calibrary.jobs.extract.knowledge import Knowledge, Known
@@ -37,6 +38,7 @@ from calibrary.known_camera import SensorWidth
 from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.validation import (
+    EDITED,
     Expected,
     Finding,
     NamedFocal,
@@ -49,9 +51,6 @@ from calibrary.validation import (
 )
 
 FAILS = frozenset({Severity.WARNING, Severity.UNPROVEN, Severity.ERROR})
-
-COUNTED = "as-recorded"
-"""Rule with a message that already states the number of images."""
 
 Heard = tuple[State, Evidence]
 
@@ -77,19 +76,10 @@ def judge(
         One camera; or several, best K first, if some images lack tags of others and nothing proves one unit.
     """
     heard = [(state, evidence_of(scene_of(state, sensor, policy))) for state in states]
-    edited, first_of = Counter[str](), dict[str, str]()
-    for state in states:
-        edited.update(dict.fromkeys(state.original.done, state.count))
-        first_of = dict.fromkeys(state.original.done, state.names[0]) | first_of
-    images = sum(state.count for state in states)
-    edits_of = {
-        f"the image was {edit}": f"{_of(count, images)} {edit}"
-        + (f"; the first is {first_of[edit]}" if count < images else "")
-        for edit, count in edited.items()
-    }
     one_unit = one_unit or _is_one_unit(key, states)
     parts = [heard] if one_unit else _by_grade(heard)
-    first, *others = (_camera(key, part, policy, edits_of, one_unit=one_unit) for part in parts)
+    edited = edits_of(states)
+    first, *others = (_camera(key, part, policy, edited, one_unit=one_unit) for part in parts)
     return first, *(_apart_from(first, camera) for camera in others)
 
 
@@ -121,13 +111,6 @@ def _lacking(carrier: Calibration, own: str | None) -> str:
     """What images with a K of lower grade lack: the source itself, or a second source that agrees with it."""
     tag = carrier.provenance.tag or carrier.provenance.kind
     return f"a second source that confirms {tag}" if tag == own else tag
-
-
-def _of(count: int, images: int) -> str:
-    if images == 1:
-        return "the image was"
-    were = "was" if count == 1 else "were"
-    return f"all {images} images were" if count == images else f"{count} of {images} images {were}"
 
 
 def _is_one_unit(key: CameraKey, states: Sequence[State]) -> bool:
@@ -252,7 +235,7 @@ def _merged(
                 first.setdefault(name, finding)
     findings = [
         finding
-        if finding.severity not in FAILS or counts[name] == images or finding.rule == COUNTED
+        if finding.severity not in FAILS or counts[name] == images or finding.rule == EDITED
         else replace(finding, message=f"{counts[name]} of {images} images: {finding.message}")
         for name, finding in first.items()
     ]

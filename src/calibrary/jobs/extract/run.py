@@ -62,10 +62,7 @@ from calibrary.policy import FLEET, Policy
 from calibrary.policy_file import policy_of
 from calibrary.progress import Progress, counted, log, stage
 from calibrary.records import replace
-from calibrary.validation import Finding, Report, Severity, Verdict
-
-EDITED = "as-recorded"
-"""Rule that finds images which are not as the camera wrote them."""
+from calibrary.validation import EDITED, Finding, Report, Severity, Verdict
 
 PACKETS = ("XMP", "GDAL_METADATA")
 """Tags that can contain a calibration."""

@@ -315,12 +315,15 @@ def held_against(
         others = tuple(other for other in around.others if other.name not in outvoted)
         flights = _agreeing(found, {Kind.FLIGHT})
         return validate(K, policy, replace(around, others=(*others, *flights)))
+    edits: tuple[str, ...] = ()
+    if judged is not None and chosen.kind is Kind.BOARD:
+        edits = tuple(f"the image was {done}" for done in judged.states[0].original.moved)
+    elif chosen.kind is Kind.FILE:
+        edits = tuple(one.doubt for one in camera.files if one.name == chosen.name and one.doubt is not None)
     around = ValidationContext(
         expected=_expected(camera),
         others=_agreeing(found, {Kind.TAGS, Kind.FILE, Kind.FLIGHT}),
-        edits=tuple(f"the image was {done}" for done in judged.states[0].original.moved)
-        if judged is not None and chosen.kind is Kind.BOARD
-        else (),
+        edits=edits,
     )
     return validate(K, policy, around)
 

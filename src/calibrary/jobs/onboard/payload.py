@@ -198,11 +198,13 @@ class FileCalibration(Struct, frozen=True, kw_only=True):
         name: of the file, relative to the payload's folder.
         sha256: of its bytes.
         calibration: at the size of the camera's images.
+        doubt: why its K may not be of these images; None if nothing speaks against it.
     """
 
     name: str
     sha256: str
     calibration: Calibration
+    doubt: str | None = None
 
 
 class PayloadCamera(Struct, frozen=True, kw_only=True):
@@ -392,7 +394,8 @@ def _hand_out(
         fitting = same if len(same) == 1 else fitting
     if len(fitting) == 1:
         camera = sorted_.cameras[fitting[0]]
-        scaled = replace(one, calibration=one.calibration.scaled(camera.size))
+        doubt = camera.judged.doubt(one.calibration) if camera.judged is not None else None
+        scaled = replace(one, calibration=one.calibration.scaled(camera.size), doubt=doubt)
         sorted_.cameras[fitting[0]] = replace(camera, files=(*camera.files, scaled))
         return
     key = replace(one.calibration.camera, image_size=one.calibration.intrinsics.image_size)

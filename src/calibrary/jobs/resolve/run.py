@@ -250,6 +250,9 @@ def _against_image(found: Resolution, metadata: ImageMetadata | None, layer: Lay
     camera = judge_image(metadata, "", policy)
     if camera is None:
         return
+    doubt = camera.doubt(found.entry.calibration)
+    if doubt is not None:
+        yield f"{doubt}: nothing shows that this K describes it"
     entry, key = Source.of_entry(found, policy), found.calibration.camera
     for one in weigh(entry, of_tags(camera.evidence, camera.key, policy), key, policy).contradicted_by:
         shown = " and ".join(one.disbelieved_by)

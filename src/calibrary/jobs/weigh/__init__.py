@@ -53,6 +53,7 @@ __all__ = [
     "foreign",
     "known_tolerance",
     "limit_between",
+    "model_of",
     "of_images",
     "of_tags",
     "weigh",
@@ -360,10 +361,7 @@ def _calibration(one: SourceEstimate, camera: CameraKey) -> Calibration:
 
 def foreign(calibration: Calibration, camera: CameraKey) -> str | None:
     """Which name of a calibration's camera is not that of the images, in words; None if none contradicts."""
-    stated = calibration.camera
-    # OpenSfM's name of a camera: maker and model, then width, height, projection and focal length.
-    named = dict(calibration.extras).get("opensfm/camera", "").split()[:-4]
-    model = stated.model or " ".join(named)
+    stated, model = calibration.camera, model_of(calibration)
     if model and camera.model and not _alike(model, camera.model):
         return f"it is of {model}, and these images are of {camera.model}"
     for what, one, other in (
@@ -375,6 +373,14 @@ def foreign(calibration: Calibration, camera: CameraKey) -> str | None:
     if stated.focal_mm and camera.focal_mm and abs(stated.focal_mm / camera.focal_mm - 1.0) > OTHER_FOCAL:
         return f"it is of a lens at {stated.focal_mm:g} mm, and these images are of {camera.focal_mm:g} mm"
     return None
+
+
+def model_of(calibration: Calibration) -> str | None:
+    """The camera model that a calibration states, in its key or as part of OpenSfM's name of a camera; None if none."""
+    # Maker and model, then width, height, projection and focal length.
+    named = dict(calibration.extras).get("opensfm/camera", "").split()[:-4]
+    is_named = named and named[-1] != "unknown"
+    return calibration.camera.model or (" ".join(named) if is_named else None)
 
 
 def _alike(one: str, other: str) -> bool:
