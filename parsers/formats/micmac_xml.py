@@ -190,6 +190,7 @@ def _model(lens: Distortion, native: Native) -> str:
     return f"      <ModPhgrStd><RadialePart>{part}</RadialePart>{ending}</ModPhgrStd>\n"
 
 
+@lru_cache(maxsize=256)  # as for _decimals
 def _scaled(coefficient: Decimal, focal: Decimal, power: int) -> float:
     """A coefficient of pixels to the power −``power`` as one of x/z, y/z."""
     value = float(_DECIMAL.multiply(coefficient, _DECIMAL.power(focal, power)))
@@ -219,9 +220,10 @@ class _Fields:
 
     def __init__(self, element: _Element) -> None:
         self.element = element
+        self.names = [child.tag for child in element]
 
     def __contains__(self, name: str) -> bool:
-        return self.element.find(name) is not None
+        return name in self.names
 
     def one(self, name: str) -> _Element:
         found = self.element.findall(name)
