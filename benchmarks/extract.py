@@ -14,7 +14,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
@@ -23,7 +23,7 @@ import exifread
 from PIL import Image as Picture
 
 from benchmarks.corpus import forgotten, write_corpus
-from benchmarks.table import at_most, compared, cost_of, in_turns, machine, show
+from benchmarks.table import Cost, at_most, compared, cost_of, in_turns, machine, show
 from calibrary.evidence.context import Scene
 from calibrary.evidence.identity import camera_key
 from calibrary.evidence.weighing import evidence_of
@@ -56,6 +56,11 @@ Not ru_maxrss where there is better: Linux counts into it what the process that 
 SENSOR_MM = (13.2, 8.8)
 BARE_BYTES = 128 * 1024
 DISTINCT = 2000
+VARIOUS = 514
+SHARED = 0.9
+"""Of what a second process brings to plain arithmetic: 1.8 × where two cores are idle."""
+Contestants = Mapping[str, Callable[[], object]]
+NO_OTHERS: Contestants = {}
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,27 +125,38 @@ def one_image(paths: Sequence[Path], repeats: int) -> None:
     )  # fmt: skip
 
 
-def one_flight(folder: Path, paths: Sequence[Path], repeats: int) -> None:
-    """What the whole command costs, its start included."""
-    contestants: dict[str, Callable[[], object]] = {
-        "one": lambda: gate(folder, "--workers", "1"),
-        "two": lambda: gate(folder, "--workers", "2"),
-        "cold": lambda: cold(folder, paths),
-    }
+def beside_exiftool(
+    what: str,
+    folder: Path,
+    paths: Sequence[Path],
+    repeats: int,
+    *,
+    least: float,
+    others: Contestants = NO_OTHERS,
+) -> dict[str, list[Cost]]:
+    """What the whole command costs, its start included, and what others cost in the same turns."""
+    contestants: dict[str, Callable[[], object]] = {"one": lambda: gate(folder, "--workers", "1"), **others}
     exiftool = shutil.which("exiftool")
     if exiftool is not None:
         contestants["exiftool"] = lambda: run_exiftool(exiftool, paths)
     times = in_turns(contestants, repeats)
     cpu = {name: [cost.cpu_s for cost in costs] for name, costs in times.items()}
-    what = f"extract, {len(paths)} images, one worker"
     if exiftool is None:
-        show(what, f"{median(cpu['one']):.3g} s", "exiftool is not installed", limit="≥ 20 ×")
+        show(what, f"{median(cpu['one']):.3g} s", "exiftool is not installed", limit=f"≥ {least:g} ×")
     else:
-        compared(what, cpu["one"], cpu["exiftool"], scale=1, unit="s", name="exiftool -fast2", least=20.0)
+        compared(what, cpu["one"], cpu["exiftool"], scale=1, unit="s", name="exiftool -fast2", least=least)
+    return times
+
+
+def one_flight(folder: Path, paths: Sequence[Path], repeats: int) -> None:
+    """A flight of one camera, the disk's cache warm and empty."""
+    what, others = f"extract, {len(paths)} images", {"cold": lambda: cold(folder, paths)}
+    times = beside_exiftool(f"{what}, one worker", folder, paths, repeats, least=20.0, others=others)
     wall = {name: median(cost.wall_s for cost in costs) for name, costs in times.items()}
+    cold_cpu = median(cost.cpu_s for cost in times["cold"])
     show(
-        f"extract, {len(paths)} images, the disk's cache empty",
-        f"{wall['cold']:.3g} s of the clock, {median(cpu['cold']):.3g} s of the processor",
+        f"{what}, the disk's cache empty",
+        f"{wall['cold']:.3g} s of the clock, {cold_cpu:.3g} s of the processor",
         f"{wall['one']:.3g} s of the clock (cache warm)",
         ratio=f"{wall['cold'] / wall['one']:.3g} ×",
     )
@@ -164,13 +180,11 @@ def two_workers(folder: Path, images: int, repeats: int) -> None:
         repeats,
     )
     wall = {name: [cost.wall_s for cost in costs] for name, costs in times.items()}
+    gain = median(one / two for one, two in zip(wall["sums by one"], wall["sums by two"], strict=True))
+    show("what a second process brings here at all: sums (clock)", f"{gain:.3g} ×")
     compared(
         f"extract, {images} images, two workers (clock)",
-        wall["two"], wall["one"], scale=1, unit="s", name="one worker", least=1.8,
-    )  # fmt: skip
-    compared(
-        "  what two processes bring here at all (clock)",
-        wall["sums by two"], wall["sums by one"], scale=1, unit="s", name="one process",
+        wall["two"], wall["one"], scale=1, unit="s", name="one worker", least=round(SHARED * gain, 2),
     )  # fmt: skip
 
 
@@ -228,6 +242,13 @@ def measure(sizes: Sizes) -> None:
         one_image(paths, sizes.repeats)
         bytes_read(paths)
         one_flight(few, paths, sizes.repeats)
+        various = Path(name) / "various"
+        paths = write_corpus(various, sizes.images, distinct=sizes.images, cameras=VARIOUS)
+        bare(paths)
+        what = f"extract, {len(paths)} images of {VARIOUS} cameras, one worker"
+        times = beside_exiftool(what, various, paths, sizes.repeats, least=15.0)
+        each_s = median(cost.cpu_s for cost in times["one"]) / len(paths)
+        at_most("  each file, its camera's share included", each_s * 1e3, "ms", 5.0)
         bare(write_corpus(many, sizes.many, distinct=DISTINCT)[:DISTINCT])
         two_workers(many, sizes.many, sizes.repeats)
         memory(many, f"{sizes.many} images", 200.0)

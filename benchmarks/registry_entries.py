@@ -20,7 +20,8 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from itertools import count
@@ -448,7 +449,13 @@ def main() -> None:
     if arguments.quick:
         print("A quick run, to see that everything runs: too small for the goals.")
         sizes = Sizes(entries=(200,), repeats=1, revisions=20)
-    # Nobody's taste of git, and nobody's cache.
+    with nobody():
+        measure(sizes)
+
+
+@contextmanager
+def nobody() -> Iterator[None]:
+    """Nobody's taste of git, and nobody's cache."""
     with tempfile.TemporaryDirectory() as home:
         config = Path(home, ".gitconfig")
         config.write_text("[user]\n\tname = Fleet Keeper\n\temail = keeper@example.com\n[gc]\n\tauto = 0\n")
@@ -461,7 +468,7 @@ def main() -> None:
             "PYTHONDONTWRITEBYTECODE": "",
             "PYTHONPYCACHEPREFIX": str(Path(home, "compiled")),
         }
-        measure(sizes)
+        yield
 
 
 if __name__ == "__main__":

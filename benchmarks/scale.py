@@ -49,6 +49,8 @@ with TemporaryDirectory() as folder, site() as found:
     sys.stdin.read()
 """
 DELAY_S = 0.02
+GET_USD, LIST_USD, VCPU_HOUR_USD = 0.4e-6, 5e-6, 0.04
+"""List prices of S3 for a GET and for a LIST of 1000 keys; that of a processor is assumed."""
 PIECE = 10_000
 
 
@@ -93,9 +95,9 @@ def requests(folder: Path) -> None:
 
 
 @contextmanager
-def served(delay_s: float) -> Iterator[str]:
+def served(delay_s: float, program: str = SERVE) -> Iterator[str]:
     """A web server in another process."""
-    command = [sys.executable, "-c", SERVE, str(ROOT), str(delay_s)]
+    command = [sys.executable, "-W", "ignore", "-c", program, str(ROOT), str(delay_s)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as server:
         assert server.stdout is not None
         yield server.stdout.readline().strip()
@@ -117,6 +119,9 @@ def network(count: int) -> None:
             show(latency, f"{rates[-1]:.0f} images/s")
         else:
             at_least("web server on this machine, of the processor", images / cpu, "images/s", 500.0)
+            parts = (1e9 * GET_USD, 1e6 * LIST_USD, 1e9 * cpu / images / 3600 * VCPU_HOUR_USD)
+            said = " + ".join(f"${part:.0f}" for part in parts)
+            show("  10⁹ images, one request each: GET, LIST, processor", f"{said} = ${sum(parts):.0f}")
     one, many = rates[1:]
     compared(
         "  one image at a time against 32",
@@ -155,7 +160,8 @@ def main() -> None:
     memory(arguments.table)
     if arguments.samples is not None:
         requests(arguments.samples)
-    network(arguments.images)
+    if arguments.images:
+        network(arguments.images)
 
 
 if __name__ == "__main__":
