@@ -152,6 +152,28 @@ def test_a_flight_at_two_heights_with_good_positions_passes() -> None:
     assert result.verdict is BoardVerdict.PASS, result.rules
 
 
+@pytest.mark.parametrize(
+    ("part", "fault", "said"),
+    [
+        ("shift_of_term", None, "next radial term"),
+        ("held_in_the_middle", np.linalg.LinAlgError(), "principal point in the middle"),
+        ("_nuisances_found", CalibrationError("singular"), "shifts the images"),
+    ],
+)
+def test_what_sigma_lacks_is_told_and_the_camera_is_not_kept_fixed(
+    part: str, fault: Exception | None, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object) -> None:
+        if fault is not None:
+            raise fault
+
+    monkeypatch.setattr(f"calibrary.sfm.sigma.{part}", fails)
+    result = flight_result(adjusted("two heights, flat, RTK")).result
+    assert result.verdict is BoardVerdict.PROVISIONAL
+    told = next(one for one in result.findings if one.rule == "unknown-uncertainty")
+    assert said in told.message
+
+
 def test_a_fisheye_is_told_from_the_models_that_can_follow_it() -> None:
     camera = replace(
         CAMERA,

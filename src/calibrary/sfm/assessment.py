@@ -282,6 +282,13 @@ def _judged(known: CameraUncertainty, images: int, fx: float) -> Iterator[Findin
             ),
             remedy=_to_fly(geometry),
         )
+    if known.unknown:
+        yield Finding(
+            rule="unknown-uncertainty",
+            severity=Severity.UNPROVEN,
+            message=f"σ is incomplete: {' and '.join(known.unknown)} cannot be computed from these images",
+            remedy=_REMEDIES["unknown-uncertainty"],
+        )
     held = known.held
     if held is not None:
         change = float(held.parameters[0]) / held.free_fx - 1

@@ -148,6 +148,7 @@ def solve_season(
         fx=float(x[0]),
         separates_height=geometry.focal_by_px <= FOCAL_BY_PX,
         of_lens=between,
+        unknown=tuple(dict.fromkeys(what for one in known for what in one.unknown)),
     )
     return Season(
         whole=_as_one(found, flights, x[:size], labels or [str(at) for at in range(1, len(found) + 1)]),

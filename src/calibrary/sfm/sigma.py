@@ -16,7 +16,8 @@ with 45 megapixels give the same result for the same flight.
 from __future__ import annotations
 
 import math
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from typing import Final
 
 import numpy as np
@@ -99,6 +100,7 @@ class CameraUncertainty(Struct, frozen=True, kw_only=True, eq=False):
         separates_height: whether the geometry separates the focal length from the flying height.
         of_lens: (n, n) what one lens does to all its flights alike: its next term, and what departs from every model.
         nuisances: what shifted the images besides the lens.
+        unknown: what could not be computed, in words, and is missing in the others.
     """
 
     covariance: Covariance
@@ -109,6 +111,7 @@ class CameraUncertainty(Struct, frozen=True, kw_only=True, eq=False):
     separates_height: bool
     of_lens: FloatArray
     nuisances: tuple[FlightNuisance, ...] = ()
+    unknown: tuple[str, ...] = ()
 
     @property
     def inflation(self) -> float:
@@ -138,12 +141,14 @@ def camera_uncertainty(found: Adjustment, *, seed: int = 0) -> CameraUncertainty
     # Errors that the residuals do not show: a search that ended early, a principal point that could as well be in the
     # centre, the lens's next term, a lens that departs from every model, and one that wanders. Each is the outer
     # product of a shift.
-    held = _with_fixed_centre(bundle, C * inflation, geometry.focal_by_px)
-    px = _feature_px(bundle)
+    px, unknown, nuisances = _feature_px(bundle), list[str](), tuple[FlightNuisance, ...]()
+    held = _with_fixed_centre(bundle, C * inflation, geometry.focal_by_px, unknown)
     of_lens, wander = ripple_shift(bundle, px), wander_shift(bundle, px)
-    further = _next_term_shift(bundle, C, inflation)
-    if further is not None:
+    with _told(unknown, "what the lens's next radial term does to K"):
+        further = _next_term_shift(bundle, C, inflation)
         of_lens = of_lens + np.outer(further, further)
+    with _told(unknown, "what shifts the images besides the lens"):
+        nuisances = _nuisances_found(bundle, geometry)
     between = _unsettled(bundle, C) + _by_travel(bundle) + wander + of_lens
     if held is not None:
         shift = held.parameters - bundle.scene.parameters
@@ -157,8 +162,18 @@ def camera_uncertainty(found: Adjustment, *, seed: int = 0) -> CameraUncertainty
         fx=float(bundle.scene.parameters[0]),
         separates_height=separates,
         of_lens=of_lens,
-        nuisances=_nuisances_found(bundle, geometry),
+        nuisances=nuisances,
+        unknown=tuple(unknown),
     )
+
+
+@contextmanager
+def _told(unknown: list[str], what: str) -> Iterator[None]:
+    """Note what cannot be computed."""
+    try:
+        yield
+    except (CalibrationError, np.linalg.LinAlgError):
+        unknown.append(what)
 
 
 def covariance(bundle: Bundle) -> FloatArray:
@@ -185,27 +200,26 @@ def _nuisances_found(bundle: Bundle, geometry: FlightGeometry) -> tuple[FlightNu
         np.median(bundle.scene.centres[bundle.tracks.used, 2]) - np.median(bundle.scene.points[:, 2])
     )
     found = []
-    with suppress(CalibrationError):
-        C = bundle.variance * inverted(lens_block(bundle.reduced, g + m)[0])
-        std = np.sqrt(np.diag(C))
-        for at, number in enumerate(np.flatnonzero(priors.active).tolist(), start=g):
-            shares = (C[lens, at] / (std[lens] * std[at])) ** 2 if lens else np.zeros(1)
-            unit, by = (
-                UNITS[number]
-                if geometry.metres or number != READOUT
-                else ("‰ of the flying height", 1000 / height)
+    C = bundle.variance * inverted(lens_block(bundle.reduced, g + m)[0])
+    std = np.sqrt(np.diag(C))
+    for at, number in enumerate(np.flatnonzero(priors.active).tolist(), start=g):
+        shares = (C[lens, at] / (std[lens] * std[at])) ** 2 if lens else np.zeros(1)
+        unit, by = (
+            UNITS[number]
+            if geometry.metres or number != READOUT
+            else ("‰ of the flying height", 1000 / height)
+        )
+        found.append(
+            FlightNuisance(
+                name=tuple(Nuisance)[number].value,
+                unit=unit,
+                value=float(bundle.scene.nuisances[number]) * by,
+                std=float(std[at]) * by,
+                prior=(float(priors.mean[number]) * by, float(priors.std[number]) * by),
+                trades_with=names[lens[int(np.argmax(shares))]] if lens else names[0],
+                share=min(float(shares.max()), 1.0),
             )
-            found.append(
-                FlightNuisance(
-                    name=tuple(Nuisance)[number].value,
-                    unit=unit,
-                    value=float(bundle.scene.nuisances[number]) * by,
-                    std=float(std[at]) * by,
-                    prior=(float(priors.mean[number]) * by, float(priors.std[number]) * by),
-                    trades_with=names[lens[int(np.argmax(shares))]] if lens else names[0],
-                    share=min(float(shares.max()), 1.0),
-                )
-            )
+        )
     return tuple(found)
 
 
@@ -258,7 +272,9 @@ def _half(bundle: Bundle, images: IntArray) -> Half:
     return solved_half(matrix, right, mine.cost - reduced.from_points - from_poses, dof)
 
 
-def _with_fixed_centre(bundle: Bundle, C: FloatArray, focal_by_px: float) -> FixedCentre | None:
+def _with_fixed_centre(
+    bundle: Bundle, C: FloatArray, focal_by_px: float, unknown: list[str]
+) -> FixedCentre | None:
     """Adjust the camera with its principal point at the image centre, and weigh it by the images.
 
     In images of one heading the principal point trades against tilts and positions, and fx changes with it, by more
@@ -269,10 +285,11 @@ def _with_fixed_centre(bundle: Bundle, C: FloatArray, focal_by_px: float) -> Fix
     scene = bundle.scene
     if not {scene.model.parameters.index(name) for name in CENTRE} <= set(bundle.free.tolist()):
         return None
-    held = held_in_the_middle(scene.model, scene.parameters, C, bundle.tracks.image_size, focal_by_px)
-    if held is None:
-        return None
-    with suppress(CalibrationError):
+    held = None
+    with _told(unknown, "what a principal point in the middle does to K"):
+        held = held_in_the_middle(scene.model, scene.parameters, C, bundle.tracks.image_size, focal_by_px)
+        if held is None:
+            return None
         solved = adjust_bundle(
             bundle.tracks,
             replace(scene, parameters=held.parameters),
@@ -330,28 +347,33 @@ def _by_travel(bundle: Bundle) -> FloatArray:
     return covariance
 
 
-def _next_term_shift(bundle: Bundle, C: FloatArray, inflation: float) -> FloatArray | None:
-    """Return (n,) the shift of the parameters by the lens's next radial term; None if there is no such term."""
+def _next_term_shift(bundle: Bundle, C: FloatArray, inflation: float) -> FloatArray:
+    """Return (n,) the shift of the parameters by the lens's next radial term; zeros if there is no such term.
+
+    Raises:
+        CalibrationError: it cannot be computed.
+    """
     scene, size = bundle.scene, len(bundle.scene.parameters)
     if not scene.model.next_power or len(bundle.free) < size:
-        return None
+        return np.zeros(size)
     linear = linearise(
         bundle.tracks,
         scene,
         bundle.place_variance,
         lambda inside: next_term(scene.model, scene.parameters, inside).reshape(-1, 2, 1),
     )
-    if linear is None:
-        return None
-    with suppress(CalibrationError):
+    shift = None
+    if linear is not None:
         matrix, right, _ = lens_block(reduce(bundle.tracks, linear, np.arange(size + 1)), size + 1)
         inverse = inverted(matrix)
         step = inverse @ right
         found = ExtendedStep(step=step, inverse=inverse, gain=max(float(right @ step), 0.0))
-        return shift_of_term(
+        shift = shift_of_term(
             scene.model, scene.parameters, found, C, bundle.variance, bundle.tracks.image_size, inflation
         )
-    return None
+    if shift is None:
+        raise CalibrationError("the images do not determine the lens's next radial term")
+    return shift
 
 
 def _feature_px(bundle: Bundle) -> float:
