@@ -19,7 +19,7 @@ from calibrary.calib.geometry import Geometry, geometry, inside_circle, near_cor
 from calibrary.calib.lens_models import PINHOLE, Solvable
 from calibrary.calib.lens_series import series_shift
 from calibrary.calib.misfit import corner_noise, misfit
-from calibrary.calib.model_choice import CLEARLY, Candidate, WarpTest, sound_share, with_warp
+from calibrary.calib.model_choice import CLEARLY, Candidate, RivalLens, WarpTest, sound_share, with_warp
 from calibrary.calib.network import State
 from calibrary.calib.observations import Observations, View
 from calibrary.calib.projection_difference import (
@@ -71,10 +71,12 @@ class Joint(Struct, frozen=True, kw_only=True, eq=False):
     Attributes:
         covariance: covariance of the lens parameters.
         halves: comparison of the lenses from two halves of the views.
+        rivals: lenses of other models that explain the observations as well.
     """
 
     covariance: Covariance
     halves: SplitHalf | None
+    rivals: tuple[RivalLens, ...] = ()
 
 
 class Solved(Struct, frozen=True, kw_only=True, eq=False):
@@ -137,8 +139,11 @@ def assess(
     versions = solved.versions or programs("cv2")
     shown = geometry(adjusted, usable.image_size)
     calibration = _calibration(solved, covariance, halves, shown.coverage.fraction, versions)
-    uncertainty = _uncertainty(calibration)
-    field = None
+    uncertainty, field, rival = _uncertainty(calibration), None, None
+    if solved.joint is not None and uncertainty is not None:
+        uncertainty, rival = _beside_rivals(
+            uncertainty, calibration, adjusted.state.model, solved.joint.rivals
+        )
     if solved.joint is None and uncertainty is not None:
         known = np.isfinite(uncertainty.std_px.ravel())
         field = _field(calibration, adjusted, uncertainty.pixels.reshape(-1, 2), known)
@@ -172,6 +177,7 @@ def assess(
         axial_focal=_axial_focal(adjusted.state, quality.covariance or covariance),
         proven=where,
         departure=_departure(field, uncertainty, observations, corners, off_px),
+        rival=rival,
         warp=tested,
         explained=explained,
         longer=stretched[0] if stretched is not None else None,
@@ -210,6 +216,7 @@ def _evidence(  # noqa: PLR0913  one measurement each
     axial_focal: tuple[float, float],
     proven: Proven | None,
     departure: Departure | None,
+    rival: tuple[Solvable, float] | None,
     warp: WarpTest | None,
     explained: Adjusted,
     longer: Stretch | None,
@@ -242,6 +249,7 @@ def _evidence(  # noqa: PLR0913  one measurement each
         better=_better(solution),
         proven=proven,
         departure=departure,
+        rival=rival,
         near=_share_near(adjusted, solved.observations),
         warp=warp,
         is_warped=solution.is_warped,
@@ -427,6 +435,41 @@ def _uncertainty(calibration: Calibration) -> Uncertainty | None:
         return None
 
 
+def _beside_rivals(
+    uncertainty: Uncertainty, calibration: Calibration, model: Solvable, rivals: Sequence[RivalLens]
+) -> tuple[Uncertainty | None, tuple[Solvable, float] | None]:
+    """Add to σ what the rivals differ by, as far as they are plausible (between-model variance of model averaging).
+
+    Where observations are they hardly differ. Elsewhere the chosen model extrapolates, and its own σ does not know it.
+
+    Returns:
+        σ, None if a rival cannot be compared; the rival that differs most, and by how many px.
+    """
+    weights, more, most = np.nan_to_num(1 / uncertainty.std_px**2), np.zeros(uncertainty.std_px.shape), None
+    for one in rivals:
+        try:
+            apart = projection_difference(
+                _camera(calibration, model, one.beside),
+                _camera(calibration, one.model, one.parameters),
+                shape=MAP_SHAPE,
+                weights=weights,
+            )
+        except (CalibrationError, InputError):
+            return None, None
+        # Where only one of the two has a ray they differ at least as much.
+        more += one.weight * np.nan_to_num(apart.lengths_px, nan=apart.max_px) ** 2
+        if most is None or apart.max_px > most[1]:
+            most = one.model, apart.max_px
+    return replace(uncertainty, std_px=np.sqrt(uncertainty.std_px**2 + more)), most
+
+
+def _camera(calibration: Calibration, model: Solvable, parameters: FloatArray) -> Calibration:
+    """Return the calibration with another lens, whose quality is unknown."""
+    values = dict(zip(model.parameters, parameters.tolist(), strict=True))
+    K = model.intrinsics(values, calibration.intrinsics.image_size)
+    return replace(calibration, intrinsics=K, distortion=model.distortion(values), quality=None)
+
+
 def _field(
     calibration: Calibration, adjusted: Adjusted, pixels: FloatArray, shown: BoolArray | None = None
 ) -> Field | None:
@@ -542,15 +585,9 @@ def _between_halves(
     """Return the difference over the image between the two halves of the median split."""
     if halves is None:
         return None
-    cameras = []
     try:
-        for parameters in halves.halves:
-            values = dict(zip(model.parameters, parameters.tolist(), strict=True))
-            K = model.intrinsics(values, calibration.intrinsics.image_size)
-            cameras.append(
-                replace(calibration, intrinsics=K, distortion=model.distortion(values), quality=None)
-            )
-        return projection_difference(cameras[0], cameras[1], shape=MAP_SHAPE)
+        first, second = (_camera(calibration, model, parameters) for parameters in halves.halves)
+        return projection_difference(first, second, shape=MAP_SHAPE)
     except (CalibrationError, InputError):
         # Too few views in a half may give no valid camera, or no common field of view.
         return None

@@ -68,6 +68,22 @@ class Candidate(Record):
     refused: str | None = None
 
 
+class RivalLens(Struct, frozen=True, kw_only=True, eq=False):
+    """A lens of another model that explains the observations as well as the chosen one, or nearly.
+
+    Attributes:
+        model: lens model.
+        parameters: (n,) in its order.
+        beside: (m,) those of the chosen lens that it was compared with.
+        weight: how plausible it is beside that one, from 1 (as plausible, or more) to 0.
+    """
+
+    model: Solvable
+    parameters: FloatArray
+    beside: FloatArray
+    weight: float
+
+
 class WarpTest(Struct, frozen=True, kw_only=True):
     """Test for a board warp.
 

@@ -67,6 +67,7 @@ class Limits(Record):
         rms_wanted, rms_needed: RMS residual relative to the noise of single corners.
         rms_wanted_px, rms_needed_px: RMS residual in px at 20 megapixels; proportionally less for smaller images, but
             at least half of it.
+        edge_wanted_px: largest σ of a projection in the whole image, which then has a direction everywhere; or None.
         lost_views_wanted: fraction of the views rejected as outliers.
         stretch_z, stretch_wanted: stretch of the print: significance (in standard deviations) and size.
         nearest_mm, farthest_mm: plausible distances of a board; otherwise the square was given in another unit.
@@ -82,6 +83,7 @@ class Limits(Record):
     rms_needed: float = 10.0
     rms_wanted_px: float = 1.0
     rms_needed_px: float = 3.0
+    edge_wanted_px: float | None = None
     lost_views_wanted: float = 0.15
     stretch_z: float = 4.0
     stretch_wanted: float = 2e-4
@@ -135,6 +137,7 @@ class Evidence(Struct, frozen=True, kw_only=True):
         better: lens model that fits clearly better but was refused; None if there is none.
         proven: where corners prove the calibration to the policy's limit; None if no σ over the image is known.
         departure: what the lens departs from its model by; None if noise explains it.
+        rival: the lens of another model that explains the observations as well and differs most, and by how many px.
         near: share of the image with a corner nearby, whatever σ is there.
         warp: test for a board warp.
         is_warped: whether the warp is part of the solution.
@@ -166,6 +169,7 @@ class Evidence(Struct, frozen=True, kw_only=True):
     better: Candidate | None
     proven: Proven | None
     departure: Departure | None
+    rival: tuple[Solvable, float] | None
     near: float
     warp: WarpTest | None
     is_warped: bool

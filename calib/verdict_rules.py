@@ -12,6 +12,7 @@ from calibrary.calib.verdict import LIMITS, Evidence, Limits
 from calibrary.calibration import ImageSize
 from calibrary.policy import FLEET, Policy
 from calibrary.probability import two_digits, whole_percent
+from calibrary.quality import Proven
 from calibrary.validation import Finding, Severity
 
 
@@ -115,7 +116,7 @@ def _coverage(e: Evidence, limits: Limits) -> Iterator[Finding]:
     elif everywhere < 1:
         yield Finding(
             rule="valid-region",
-            severity=Severity.NOTE,
+            severity=Severity.NOTE if limits.edge_wanted_px is None else Severity.UNPROVEN,
             measured=everywhere,
             limit=1.0,
             message=f"the model gives {1 - everywhere:.0%} of the frame no direction; no corner was seen there",
@@ -158,16 +159,7 @@ def _known(e: Evidence, limits: Limits, policy: Policy) -> Iterator[Finding]:
             remedy="take more views, with more tilt, or choose a simpler model" if wide else _where(e),
         )
     elif proven.edge_px > policy.fixed_sigma_px:
-        yield Finding(
-            rule="uncertain-edge",
-            severity=Severity.NOTE,
-            measured=proven.edge_px,
-            limit=policy.fixed_sigma_px,
-            message=f"K is proven within {proven.radius_px:.0f} px of the middle; farther out, where no corner was "
-            f"seen, the standard deviation of a projection reaches {two_digits(proven.edge_px)} px",
-            remedy=_where(e),
-        )
-    del limits
+        yield _edge(e, proven, limits.edge_wanted_px, policy.fixed_sigma_px)
     focal = math.ceil(e.sigma_focal * 1e4 - 1e-9) / 1e4 if math.isfinite(e.sigma_focal) else e.sigma_focal
     yield from at_most(
         "uncertain-focal-length",
@@ -176,6 +168,33 @@ def _known(e: Evidence, limits: Limits, policy: Policy) -> Iterator[Finding]:
         f"the standard deviation of the focal length is {focal:.2%}, need {policy.fixed_sigma_focal:.2%} to "
         "keep K fixed",
         "take more views, with more tilt",
+    )
+
+
+def _edge(e: Evidence, proven: Proven, wanted: float | None, fixed: float) -> Finding:
+    harms = wanted is not None and proven.edge_px > wanted
+    unseen = (
+        f", where no corner was seen ({whole_percent(1 - e.near)} of the {_image(e)})," if e.near < 1 else ""
+    )
+    share = f"{whole_percent(proven.share)} of the {_image(e)}"
+    message = (
+        f"K is proven within {proven.radius_px:.0f} px of the middle ({share}); elsewhere{unseen} the standard "
+        f"deviation of a projection reaches {two_digits(proven.edge_px)} px"
+    )
+    if harms:
+        message += f", need {wanted:g} px to keep K fixed"
+    if e.rival is not None and e.rival[1] > fixed:
+        lens, px = e.rival
+        message += (
+            f": a {lens.value} lens explains the views as well, and differs by up to {two_digits(px)} px"
+        )
+    return Finding(
+        rule="uncertain-edge",
+        severity=Severity.UNPROVEN if harms else Severity.NOTE,
+        measured=proven.edge_px,
+        limit=wanted if harms else fixed,
+        message=message,
+        remedy=_where(e),
     )
 
 

@@ -13,7 +13,7 @@ from calibrary.calib.geometry import Coverage, Geometry
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.misfit import Cause, Misfit, Rival
 from calibrary.calib.model_choice import Candidate, WarpTest
-from calibrary.calib.verdict import Departure, Evidence
+from calibrary.calib.verdict import LIMITS, Departure, Evidence
 from calibrary.calib.verdict_rules import judge
 from calibrary.quality import Proven
 from calibrary.records import replace
@@ -48,6 +48,7 @@ SOUND = Evidence(
     better=None,
     proven=PROVEN,
     departure=None,
+    rival=None,
     near=0.7,
     warp=None,
     is_warped=False,
@@ -186,6 +187,22 @@ def test_a_distance_is_told_with_the_limit_that_it_breaks() -> None:
         for distance in (40.0, 2e5)
     }
     assert found == {40.0: [50.0], 2e5: [100_000.0]}
+
+
+def test_a_flight_is_kept_fixed_only_if_all_of_the_frame_is_known() -> None:
+    """As a start it says how much of the frame shows nothing, and which lens does as well there."""
+    limits = replace(LIMITS, edge_wanted_px=2.5)
+    edge = replace(SOUND, proven=replace(PROVEN, edge_px=2.6), near=0.6, rival=(Solvable.RATIONAL, 2.4))
+    assert [one.severity for one in judge(replace(edge, proven=replace(PROVEN, edge_px=2.5)), limits)] == [
+        NOTE
+    ]
+    assert [(one.rule, one.severity) for one in judge(replace(SOUND, sound=(1.0, 0.9)), limits)] == [
+        ("valid-region", UNPROVEN)
+    ]
+    (told,) = judge(edge, limits)
+    assert (told.rule, told.severity, told.measured, told.limit) == ("uncertain-edge", UNPROVEN, 2.6, 2.5)
+    assert "elsewhere, where no corner was seen (40% of the frame), " in told.message
+    assert told.message.endswith("a rational lens explains the views as well, and differs by up to 2.4 px")
 
 
 def test_the_gravest_is_told_first() -> None:

@@ -23,6 +23,7 @@ from calibrary.calib.model_choice import (
     FISHEYE_FROM_RAD,
     PENALTY,
     Candidate,
+    RivalLens,
     promised_gain,
     reason_unfit,
 )
@@ -61,6 +62,8 @@ MATTERS_PX: Final = 0.1
 """Root mean square of a coordinate, px at the size of feature detection, that a rational lens must explain besides the
 simpler one. One that follows a ripple of 0.2 px has its focal length at the axis, where nothing was seen, off by
 0.4 %."""
+LEAST_WEIGHT: Final = 0.01
+"""Of a rival that counts."""
 GPS_FIRST_PX2: Final = 0.25
 """Initial variance of an image coordinate, px², for the weights of the positions."""
 
@@ -73,6 +76,7 @@ class Adjustment(Struct, frozen=True, kw_only=True, eq=False):
         everything: all observations.
         counts: (N,) which of them are inliers.
         candidates: lens models that were compared.
+        rivals: lenses of other models that explain the observations as well, and extrapolate otherwise.
         control: residuals of the surveyed points; None if there are none.
     """
 
@@ -80,6 +84,7 @@ class Adjustment(Struct, frozen=True, kw_only=True, eq=False):
     everything: Tracks
     counts: BoolArray
     candidates: tuple[Candidate, ...]
+    rivals: tuple[RivalLens, ...] = ()
     control: ControlFit | None = None
 
 
@@ -129,7 +134,7 @@ def adjust(
                 wide = _screened(tracks, scene_of_model(near[0], Solvable.FISHEYE), held, FIRST_ROUNDS)
                 near.insert(int(wide[1].sum() <= counts.sum()), wide[0].scene)
     bundle, counts = _screened(tracks, near[0], held)
-    screened, (bundle, candidates) = bundle.scene.model, _best(bundle, near, model, held)
+    screened, (bundle, candidates, rivals) = bundle.scene.model, _best(bundle, near, model, held)
     if bundle.scene.model is not screened:
         # Observations that a too simple model rejected may be inliers of the chosen one.
         bundle, counts = _screened(tracks, bundle.scene, held)
@@ -137,7 +142,9 @@ def adjust(
     fit = None
     if stated is not None and control is not None:
         fit = fit_of(tracks, bundle, counts, stated=stated, control=control)
-    return Adjustment(bundle=bundle, everything=tracks, counts=counts, candidates=candidates, control=fit)
+    return Adjustment(
+        bundle=bundle, everything=tracks, counts=counts, candidates=candidates, rivals=rivals, control=fit
+    )
 
 
 def _nuisances(tracks: Tracks, scene: Scene, readout_s: tuple[float, float]) -> NuisancePriors:
@@ -265,8 +272,8 @@ def _redundancy(bundle: Bundle) -> FloatArray:
 
 def _best(
     bundle: Bundle, near: Sequence[Scene], model: Solvable | None, held: Sequence[str]
-) -> tuple[Bundle, tuple[Candidate, ...]]:
-    """Select the lens model with the lowest criterion, as for boards.
+) -> tuple[Bundle, tuple[Candidate, ...], tuple[RivalLens, ...]]:
+    """Select the lens model with the lowest criterion, as for boards; returns also those compared, and rivals.
 
     Args:
         bundle: the adjustment whose inliers count.
@@ -274,45 +281,70 @@ def _best(
         model: the only one; None to select.
         held: as for :func:`adjust`.
     """
+    tried = [(_candidate(bundle), bundle)]
     if model is not None:
-        return bundle, (_candidate(bundle),)
-    starts = [scene for scene in near if scene.model is not bundle.scene.model]
-    if bundle.scene.model is Solvable.FISHEYE or _pays(bundle, Solvable.RATIONAL):
-        starts.append(scene_of_model(bundle.scene, Solvable.RATIONAL))
-    first = _candidate(bundle)
-    tried = [(first, bundle)]
-    for start in starts:
+        return bundle, (tried[0][0],), ()
+    for given in (*(scene for scene in near if scene.model is not bundle.scene.model), None):
+        own, best = _likeliest(tried)
+        if not (given or best.scene.model is Solvable.FISHEYE or _pays(best, Solvable.RATIONAL)):
+            continue
+        # From a perspective polynomial the way to a strong rational lens is long; a fisheye is at its end.
+        start = given or scene_of_model(best.scene, Solvable.RATIONAL)
         with suppress(CalibrationError):
-            worth = _worth(bundle, start.model)
-            # Beside a lens that may not be chosen, a worse one may be, and is searched to its end.
-            limit = worth + bundle.linear.priors.cost if first.refused is None else math.inf
-            found = adjust_bundle(
-                bundle.tracks,
-                start,
-                held=held,
-                place_variance=bundle.place_variance,
-                most_steps=CANDIDATE_STEPS,
-                worth=limit,
-            )
-            if start.model is not Solvable.RATIONAL or found.linear.rss < worth:
-                other = _candidate(found)
-                if first.refused is None and found.linear.rss >= worth:
-                    why = f"no better than {first.model.value} where its search ended, so its RMS is at most this"
-                    other = replace(other, refused=other.refused or why)
-                tried.append((other, found))
+            tried.append(_searched(own, best, start, held))
+    # A rational lens that only follows a ripple of the lens is no choice, but it counts as a rival.
+    simple = [one for one in tried if one[0].model is not Solvable.RATIONAL]
+    shown = [one for one in tried if one in simple or _matters(_likeliest(simple)[1], one[1])]
+    own, best = _likeliest(shown)
+    rivals = [
+        RivalLens(
+            model=one.model,
+            parameters=other.scene.parameters,
+            beside=best.scene.parameters,
+            weight=math.exp(min(own.criterion - one.criterion, 0.0) / 2),
+        )
+        for one, other in tried
+        if one is not own and one.refused is None
+    ]
+    return best, tuple(one for one, _ in shown), tuple(one for one in rivals if one.weight > LEAST_WEIGHT)
+
+
+def _searched(own: Candidate, best: Bundle, start: Scene, held: Sequence[str]) -> tuple[Candidate, Bundle]:
+    """Adjust a lens of another model to the observations of the best one so far."""
+    worth = _worth(best, start.model)
+    # Beside a lens that may not be chosen, a worse one may be, and is searched to its end.
+    limit = worth + best.linear.priors.cost if own.refused is None else math.inf
+    found = adjust_bundle(
+        best.tracks,
+        start,
+        held=held,
+        place_variance=best.place_variance,
+        most_steps=CANDIDATE_STEPS,
+        worth=limit,
+    )
+    other = _candidate(found)
+    if own.refused is None and found.linear.rss >= worth:
+        why = f"no better than {own.model.value} where its search ended, so its RMS is at most this"
+        other = replace(other, refused=other.refused or why)
+    return other, found
+
+
+def _likeliest(tried: Sequence[tuple[Candidate, Bundle]]) -> tuple[Candidate, Bundle]:
+    """Return the lens with the lowest criterion of those that may be chosen, or the first if none may."""
     allowed = [pair for pair in tried if pair[0].refused is None] or tried[:1]
-    return min(allowed, key=lambda pair: pair[0].criterion)[1], tuple(one for one, _ in tried)
+    return min(allowed, key=lambda pair: pair[0].criterion)
 
 
 def _worth(bundle: Bundle, model: Solvable) -> float:
-    """Return the sum of squares, px², below which another lens model is the better one.
-
-    A rational lens must explain more than a ripple of the lens, which the uncertainty includes.
-    """
+    """Return the sum of squares, px², below which another lens model counts beside this one."""
     n, more = 2 * len(bundle.tracks.point), len(model.parameters) - len(bundle.scene.parameters)
-    if model is Solvable.RATIONAL:
-        return bundle.linear.rss - n * (MATTERS_PX * max(1.0, max(bundle.tracks.image_size) / MAX_SIDE)) ** 2
-    return bundle.linear.rss * math.exp(-PENALTY * more / n)
+    return bundle.linear.rss * math.exp(-(PENALTY * more + 2 * math.log(LEAST_WEIGHT)) / n)
+
+
+def _matters(bundle: Bundle, rational: Bundle) -> bool:
+    """Return whether a rational lens explains more than a ripple of the lens, which the uncertainty includes."""
+    px = MATTERS_PX * max(1.0, max(bundle.tracks.image_size) / MAX_SIDE)
+    return rational.linear.rss < bundle.linear.rss - 2 * len(bundle.tracks.point) * px**2
 
 
 def _pays(smaller: Bundle, model: Solvable) -> bool:

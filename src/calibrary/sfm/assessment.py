@@ -42,6 +42,9 @@ FLAT: Final = 0.03
 RMS_WANTED_PX: Final = 1.4
 RMS_NEEDED_PX: Final = 3.0
 """Limits in px at the size of feature detection: features of natural surfaces are half as accurate as board corners."""
+EDGE_WANTED_PX: Final = 2.5
+"""Largest σ of a projection anywhere in the frame, px at the size of feature detection: the next flight has points in
+corners where this one had none. Flights that show all of the frame have 0.2 to 2."""
 MOST_LISTED: Final = 4
 WORSE_WANTED: Final = 1.5
 """Largest ratio of actual to stated standard deviation of surveyed points and marks."""
@@ -117,11 +120,16 @@ def flight_result(
         asked_warp=False,
         shape=None,
         flat_shape=None,
-        joint=Joint(covariance=known.covariance, halves=known.halves),
+        joint=Joint(covariance=known.covariance, halves=known.halves, rivals=found.rivals),
         versions=versions,
     )
     by = scale / size_share(observations.image_size)
-    limits = replace(LIMITS, rms_wanted_px=RMS_WANTED_PX * by, rms_needed_px=RMS_NEEDED_PX * by)
+    limits = replace(
+        LIMITS,
+        rms_wanted_px=RMS_WANTED_PX * by,
+        rms_needed_px=RMS_NEEDED_PX * by,
+        edge_wanted_px=EDGE_WANTED_PX,
+    )
     result = assess(solved, limits)
     flown = Flown(
         geometry=known.geometry,
@@ -205,7 +213,8 @@ def _inliers(found: Adjustment, network: Network) -> BoolArray:
 _REMEDIES: Final[Mapping[str, str]] = {
     "centre-only": "choose images whose edges show ground that others show too",
     "low-coverage": "choose images whose edges show ground that others show too",
-    "uncertain-edge": "choose more images, which overlap to their edges",
+    "uncertain-edge": "choose more images (--images) or fly cross strips, so that the corners of images show ground "
+    "that others show too; until then start from it, or keep it fixed for images cropped to that circle",
     "valid-region": "choose more images, which overlap to their edges, or a simpler model",
     "not-monotonic": "choose more images, which overlap to their edges, or a simpler model",
     "poor-fit": "leave out images of what moves, such as water and trees in the wind, and of another focus or zoom",
@@ -227,6 +236,7 @@ _WORDS: Final[Mapping[str, str]] = {
     "corners lie": "points lie",
     "the corners ask": "the points ask",
     "of the views": "of the images",
+    "explains the views": "explains the images",
     "the frames do not": "the images do not",
 }
 

@@ -339,4 +339,8 @@ def _as_one(
     if linear is None:
         raise CalibrationError("the flights together put a point behind an image that sees it")
     bundle = Bundle(tracks=kept, scene=scene, linear=linear, free=np.arange(len(lens)), place_variance=0.0)
-    return Adjustment(bundle=bundle, everything=everything, counts=counts, candidates=found[0].candidates)
+    # What other lenses do where no point was seen is the same for all flights, as what departs from every model.
+    rivals = max(found, key=lambda one: len(one.bundle.tracks.point)).rivals
+    return Adjustment(
+        bundle=bundle, everything=everything, counts=counts, candidates=found[0].candidates, rivals=rivals
+    )
