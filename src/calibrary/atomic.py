@@ -24,7 +24,9 @@ def check_folder(path: Path, *, place: str | None = None) -> None:
     Raises:
         InputError: the path is not a folder, or the folder is not writable.
     """
-    folder = _existing(path.parent)
+    folder = path.parent
+    while not os.path.lexists(folder) and folder != folder.parent:
+        folder = folder.parent
     if not folder.is_dir():
         raise InputError("is a file; expected a folder", source=str(folder), place=place)
     if not os.access(folder, os.W_OK | os.X_OK):
@@ -73,13 +75,6 @@ def write_files(files: Mapping[Path, bytes]) -> None:
         for folder in reversed(made):
             with suppress(OSError):
                 folder.rmdir()
-
-
-def _existing(folder: Path) -> Path:
-    """Return the folder, or its nearest existing parent."""
-    while not os.path.lexists(folder) and folder != folder.parent:
-        folder = folder.parent
-    return folder
 
 
 def _make_folder(folder: Path, made: list[Path]) -> None:
