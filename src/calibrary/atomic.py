@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from calibrary.errors import InputError
 from calibrary.interrupts import interrupts_held
 
-log = logging.getLogger(__name__)
+if TYPE_CHECKING:
+    from concurrent.futures import Future
 
-FEW = 8
-"""For no more files, starting threads takes longer than it saves."""
+log = logging.getLogger(__name__)
 
 
 def check_folder(path: Path, *, place: str | None = None) -> None:
@@ -53,8 +53,8 @@ def write_files(files: Mapping[Path, bytes]) -> None:
             temporary = path.with_name(f".{path.name}.{os.urandom(4).hex()}")
             staged.append((temporary, path))
             _stage(temporary, content)
-        for path, wait in _syncs(staged):  # noqa: B007  the message names the path
-            wait()
+        for path, synced in _syncs(staged):  # noqa: B007  the message names the path
+            synced.result()
         with interrupts_held():
             while staged:
                 temporary, path = staged[0]
@@ -93,18 +93,16 @@ def _stage(temporary: Path, content: bytes) -> None:
         file.write(content)
 
 
-def _syncs(staged: Sequence[tuple[Path, Path]]) -> list[tuple[Path, Callable[[], object]]]:
-    """Return every path with a function that ends when its content is on the disk.
+def _syncs(staged: Sequence[tuple[Path, Path]]) -> list[tuple[Path, Future[None]]]:
+    """Wait until every content is on the disk, and return what came of it for each path.
 
     A file that takes its name before that may be empty after a power cut. Requests that wait side by side share a
     commit of the file system's journal: 1500 files take 0.3 to 1.4 s, one after the other 1.7 to 6.
     """
-    if len(staged) <= FEW:
-        return [(path, partial(_sync, temporary)) for temporary, path in staged]
-    from concurrent.futures import ThreadPoolExecutor  # noqa: PLC0415  for many files only
+    from concurrent.futures import ThreadPoolExecutor  # noqa: PLC0415  for what writes only
 
     with ThreadPoolExecutor(32) as pool:
-        return [(path, pool.submit(_sync, temporary).result) for temporary, path in staged]
+        return [(path, pool.submit(_sync, temporary)) for temporary, path in staged]
 
 
 def _sync(temporary: Path) -> None:
