@@ -143,6 +143,16 @@ def test_an_image_under_two_names_has_the_smaller_and_counts_once() -> None:
     assert two.settled().seen == {what: Names(("a.jpg", "b.jpg"), 2)}
 
 
+def test_an_image_that_changed_while_it_was_read_is_named_with_what_it_counts_for_alone() -> None:
+    one, other = Seen(metadata=METADATA[1]), Seen(metadata=METADATA[2])
+    twice = [_one("twice.jpg", what, place="/t") for what in (one, other)]
+    seen = taken([*twice, _one("a.jpg", one, place="/a"), _one("b.jpg", other, place="/b")]).settled().seen
+    assert sorted(sorted(names.listed) for names in seen.values()) in (
+        [["a.jpg"], ["b.jpg", "twice.jpg"]],
+        [["a.jpg", "twice.jpg"], ["b.jpg"]],
+    )
+
+
 def test_of_many_images_the_first_names_are_kept_and_all_are_counted() -> None:
     what = Seen(metadata=BASE)
     images = [_one(f"{number:05}.jpg", what, place=f"/{number}") for number in range(40_000)]
