@@ -33,6 +33,12 @@ def test_writes_the_page_beside_the_rest_and_says_so(
     assert "flight.html" in capsys.readouterr().out
 
 
+def test_the_page_tells_the_day_of_the_flight_without_a_registry_too(tmp_path: Path) -> None:
+    picture(tmp_path / "input/b.jpg", **P4R, dewarp=DEWARP, date_time="2026:05:01 10:00:00")
+    assert main(["extract", "--registry", "none", "--html", "flight.html"]) == 0
+    assert "2026-05-01" in (tmp_path / "flight.html").read_text(encoding="utf-8")
+
+
 def test_leaves_the_exit_code_and_the_document_as_they_are(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

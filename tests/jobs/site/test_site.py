@@ -16,6 +16,7 @@ from calibrary.errors import InputError
 from calibrary.jobs.diff.comparison import compare
 from calibrary.jobs.site import building
 from calibrary.jobs.site.building import Site, build
+from calibrary.jobs.site.camera_page import STRONG
 from calibrary.jobs.site.folder import MARKER, Place, way
 from calibrary.registry.entry import Status
 from calibrary.registry.git.repository import Repository
@@ -78,6 +79,8 @@ def test_a_camera_is_shown_with_its_numbers_and_where_they_are_from(site: Site) 
     ):
         assert part in told
     assert "fx moves with fy: correlation +0.97" in told
+    shares = re.findall(r": correlation ([+−]\d\.\d\d)", told)
+    assert min(abs(float(share.replace("−", "-"))) for share in shares) >= STRONG
     assert "01.09" in told
 
 
