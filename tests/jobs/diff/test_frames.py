@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from calibrary.calibration import Calibration
-from calibrary.errors import FrameError
-from calibrary.jobs.diff.frames import common_frame
+from calibrary.errors import FrameError, InputError
+from calibrary.jobs.diff.frames import check_units, common_frame
 from tests.jobs.diff.cameras import camera, changed
 
 
@@ -50,3 +50,14 @@ def test_a_frame_turned_by_90_degrees_is_refused() -> None:
 def test_a_frame_that_cannot_be_a_part_of_the_other_is_refused() -> None:
     with pytest.raises(FrameError, match="neither"):
         common_frame(changed(camera(), image_size=(4000, 1000)), changed(camera(), image_size=(1500, 1600)))  # type: ignore[arg-type]  # sizes
+
+
+@pytest.mark.parametrize(
+    ("cx", "guess"), [(0.0, "the unit is unknown"), (6.6, "in millimetres of a sensor 13.2 mm wide")]
+)
+def test_where_both_focal_lengths_are_no_pixels_the_principal_point_tells_the_unit(
+    cx: float, guess: str
+) -> None:
+    small = changed(camera(), fx=8.8, fy=8.8, cx=cx, cy=cx)
+    with pytest.raises(InputError, match=guess):
+        check_units(small, small)
