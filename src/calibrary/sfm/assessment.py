@@ -128,7 +128,7 @@ def flight_result(
         LIMITS,
         rms_wanted_px=RMS_WANTED_PX * by,
         rms_needed_px=RMS_NEEDED_PX * by,
-        edge_wanted_px=EDGE_WANTED_PX,
+        edge_wanted_px=EDGE_WANTED_PX * scale,
     )
     result = assess(solved, limits)
     flown = Flown(
