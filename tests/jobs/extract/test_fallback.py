@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 
+from calibrary import check
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance
 from calibrary.distortion import BrownConrady
-from calibrary.errors import InputError
+from calibrary.errors import InputError, MissingTagError
 from calibrary.evidence.metadata import ImageMetadata
+from calibrary.jobs.convert import convert
+from calibrary.jobs.extract.calibration_files import Rightness
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.extraction import JudgedCamera
 from calibrary.jobs.extract.fallback import Fallback, Sources, StepName, fall_back
 from calibrary.jobs.extract.report import ExtractReport
+from calibrary.parsers import read
 from calibrary.policy import FLEET
 from calibrary.records import replace
 from calibrary.validation import Verdict
@@ -366,3 +371,28 @@ def test_a_calibrated_stand_in_takes_the_camera_out_of_the_uncalibrated(tmp_path
     picture(tmp_path / "a.jpg")
     assert gate(tmp_path).uncalibrated
     assert not gate(tmp_path, fallback_k=matrix(tmp_path / "K.npy", 3700.0)).uncalibrated
+
+
+def test_a_k_that_a_program_wrote_from_the_images_tags_proves_nothing_beside_them(tmp_path: Path) -> None:
+    plane: dict[str, Any] = {"focal_plane_resolution": ((9697, 100), (9697, 100)), "focal_plane_unit": 4}
+    image = picture(tmp_path / "a.jpg", (1280, 960), make="Example", model="One", focal_mm=(10, 1), **plane)
+    alone = only(gate(tmp_path))
+    assert alone.verdict is Verdict.UNPROVEN
+    convert(image, tmp_path / "camera.xml", to="agisoft_xml")
+    found = only(gate(tmp_path))
+    assert (found.verdict, found.calibration) == (Verdict.UNPROVEN, alone.calibration)
+    [checked] = check(tmp_path).files
+    assert checked.verdict is Rightness.UNKNOWN
+    assert "computed, and not measured" in checked.message
+
+
+def test_what_extract_does_not_believe_of_an_image_is_no_k_of_the_image_as_a_file(tmp_path: Path) -> None:
+    """17 791 px/in over 4608 px would be a sensor 6.58 mm wide; two lists state 6.16 mm of this camera."""
+    plane: dict[str, Any] = {"focal_plane_resolution": ((17791, 1), (17791, 1)), "focal_plane_unit": 2}
+    named: dict[str, Any] = {"make": "Canon", "model": "Canon PowerShot A3300 IS", "focal_mm": (5, 1)}
+    image = picture(tmp_path / "a.jpg", (4608, 3456), **named, **plane)
+    found = only(gate(tmp_path)).calibration
+    assert found is not None
+    assert found.intrinsics.fx == pytest.approx(5 / 6.16 * 4608)
+    with pytest.raises(MissingTagError, match=r"would be a sensor 6\.58 mm wide"):
+        read(image)

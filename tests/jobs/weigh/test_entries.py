@@ -130,7 +130,7 @@ class TestWhatWasApprovedBefore:
         assert judged(entry(3410.0, ODD), former=loose) == []
 
     def test_a_k_that_the_catalogue_confirms_may_correct_one_that_it_does_not(self) -> None:
-        one = entry(2344.0, P3A)
+        one = entry(2344.5, P3A)
         K = replace(one.calibration.intrinsics, cx=1993.0, cy=1507.0)
         measured = replace(one, calibration=replace(one.calibration, intrinsics=K))
         former = entry(22890.0, P3A)

@@ -37,7 +37,7 @@ FILE = stated("camera.xml", 3000.0, measured=True)
 @pytest.mark.parametrize(
     ("fx", "standing"),
     [
-        (3000.0, Standing.CONFIRMED),
+        (3001.0, Standing.CONFIRMED),
         (3089.0, Standing.CONFIRMED),  # 2.97 %
         (3095.0, Standing.ALONE),  # 3.2 %: no witness, and no contradiction of a measured K before 5 %
         (3149.0, Standing.ALONE),
@@ -127,3 +127,12 @@ def test_a_calibration_that_names_another_camera_is_not_of_these_images(
 def test_opensfms_name_of_a_camera_states_its_model_where_it_knows_one(name: str, model: str | None) -> None:
     named = replace(FILE.calibration, camera=CameraKey(), extras=(("opensfm/camera", name),))
     assert model_of(named) == model
+
+
+def test_a_measured_k_with_the_very_numbers_of_a_tag_was_computed_until_another_tag_confirms_it() -> None:
+    file, tag = stated("camera.xml", 3000.0, measured=True), stated("EXIF", 3000.0)
+    found = weigh(file, [tag], KEY, FLEET)
+    assert (found.standing, found.copies) == (Standing.ALONE, (tag,))
+    assert found.computed == "its numbers are those of EXIF, so it was computed, and not measured"
+    assert weigh(file, [tag, stated("list", 3010.0)], KEY, FLEET).computed is None
+    assert weigh(file, [stated("EXIF", 3000.01)], KEY, FLEET).standing is Standing.CONFIRMED

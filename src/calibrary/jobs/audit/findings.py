@@ -290,7 +290,8 @@ def _intrinsics(answer: Answer, found: Resolution, policy: Policy) -> Iterator[F
             answer, first, apart, is_sure=one_unit or apart.is_beyond or not first.source.is_measured
         )
         return
-    confirmed = next((one.name for one in (*weighed.copies, *weighed.confirmed_by)), None)
+    by = weighed.confirmed_by if weighed.computed is not None else (*weighed.copies, *weighed.confirmed_by)
+    confirmed = next((one.name for one in by), None)
     for name, one in against.items():
         cause = causes.get(name)
         yield Finding(

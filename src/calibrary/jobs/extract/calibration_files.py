@@ -346,7 +346,7 @@ def _held(
         bool(speaking)
         or max(held_against.tolerance, held_against.engraved) + held_against.rounding <= NOMINAL
     )
-    doubt = camera.camera.doubt(nearest)
+    doubt = camera.camera.doubt(nearest) or found.computed
     is_right = is_near and doubt is None
     verdict = Rightness.OFF if not found.may_be_used else Rightness.RIGHT if is_right else Rightness.UNKNOWN
     base = replace(base, verdict=verdict, held_against=held_against.name, expected_fx=held_against.fx)

@@ -419,6 +419,8 @@ def _judged(
     why = report.failures[0].message if report.verdict not in needed else None
     if why is not None and why == doubt:
         why = "nothing shows that what it describes is left in images that a program changed"
+    if weighed is not None and weighed.computed is not None:
+        why = weighed.computed
     if camera.evidence.scene.is_fisheye and isinstance(calibration.distortion, NoDistortion | None):
         why = "a fisheye lens needs its distortion, and this K has none; provide the whole calibration"
     if why is not None:

@@ -31,7 +31,7 @@ from calibrary.evidence.context import Source as TagSource
 from calibrary.evidence.context import SourceEstimate
 from calibrary.evidence.optics import DIAGONAL_35MM
 from calibrary.evidence.weighing import Evidence
-from calibrary.jobs.diff.common_numbers import common_numbers
+from calibrary.jobs.diff.common_numbers import K_NAMES, SAME, common_numbers
 from calibrary.policy import Policy
 from calibrary.provenance import Provenance
 from calibrary.records import replace
@@ -154,10 +154,16 @@ class Source(Struct, frozen=True, kw_only=True):
         return not self.rests_on & other.rests_on and not self.is_copy_of(other)
 
     def is_copy_of(self, other: Source) -> bool:
-        """Whether both hold one measurement, as a file does that a program wrote from the image's tag."""
-        if not (self.is_measured and other.is_measured):
-            return False
-        return common_numbers(self.calibration, other.calibration).is_one_measurement
+        """Whether both have the numbers of one source, as a file does that a program wrote from the image's tag.
+
+        A K that was computed from a tag is none that was measured, whatever a file calls it that has its numbers.
+        """
+        if self.is_measured and other.is_measured:
+            return common_numbers(self.calibration, other.calibration).is_one_measurement
+        K, L = self.calibration.intrinsics, other.calibration.intrinsics
+        return self.is_measured != other.is_measured and all(
+            math.isclose(getattr(K, name), getattr(L, name), rel_tol=SAME) for name in K_NAMES
+        )
 
 
 class Standing(StrEnum):
@@ -215,6 +221,14 @@ class Weighed(Struct, frozen=True, kw_only=True):
     def disbelieved(self) -> tuple[Contradiction, ...]:
         """The sources that contradict it and are shown wrong."""
         return tuple(one for one in self.contradicted_by if one.disbelieved_by)
+
+    @property
+    def computed(self) -> str | None:
+        """That a K is no measurement but what a tag gives, which nothing confirms; None if it is one."""
+        tag = next((one.name for one in self.copies if not one.is_measured), None)
+        if tag is None or not self.source.is_measured or self.confirmed_by:
+            return None
+        return f"its numbers are those of {tag}, so it was computed, and not measured"
 
     @property
     def believed_against(self) -> tuple[Contradiction, ...]:
