@@ -9,6 +9,7 @@ from calibrary.calibration import Calibration
 from calibrary.catalogue import load_catalogue, match_image
 from calibrary.errors import MissingTagError, ParseError
 from calibrary.evidence.context import Scene
+from calibrary.evidence.context import Source as Tag
 from calibrary.evidence.identity import camera_key
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.evidence.originality import originality
@@ -60,9 +61,13 @@ def evidence_in(data: bytes, name: str) -> Evidence:
 
 def _evidence(metadata: ImageMetadata) -> Evidence:
     match = match_image(load_catalogue(), metadata)
-    return evidence_of(
-        Scene(metadata=metadata, known=match.camera, siblings=match.siblings or match.candidates)
-    )
+    camera, siblings = match.camera, match.siblings or match.candidates
+    if camera is not None and camera.gives_k:
+        return evidence_of(Scene(metadata=metadata, known=camera, siblings=siblings))
+    from calibrary.catalogue.sensor_widths import listed_width  # noqa: PLC0415  rarely needed
+
+    listed = listed_width(camera, metadata.make, metadata.model)
+    return evidence_of(Scene(metadata=metadata, known=camera, siblings=siblings, weighs=True, listed=listed))
 
 
 def _calibration(evidence: Evidence, name: str) -> list[Calibration]:
@@ -71,7 +76,9 @@ def _calibration(evidence: Evidence, name: str) -> list[Calibration]:
     scene = evidence.scene
     inferred = scene.known.sub_camera if scene.known is not None else None
     calibration = evidence.calibration(camera_key(scene.metadata, inferred), source_name=name)
-    if calibration is not None:
+    # A width that others list of a camera's name speaks against a tag, and is no statement of the image.
+    is_stated = evidence.chosen is not None and evidence.chosen.source is not Tag.LISTED_SENSOR
+    if calibration is not None and is_stated:
         doubts = (f"the image was {done}" for done in originality(scene.metadata, scene.known).done)
         return [replace(calibration, notes=(*calibration.notes, *doubts))]
     if scene.is_fisheye:

@@ -234,6 +234,11 @@ class KnownCamera(Record):
     notes: Annotated[tuple[Text, ...], Once] = ()
     sources: tuple[tuple[str, Text], ...] = ()
 
+    @property
+    def gives_k(self) -> bool:
+        """Whether its focal length in pixels is known, so that the sources in an image are not weighed."""
+        return self.pitch_um is not None or self.fx_over_w is not None
+
     def __post_init__(self) -> None:
         require_declared(self)
         if self.sub_camera is not None and self.sub_camera not in SUB_CAMERAS:

@@ -14,7 +14,7 @@ from typing import Final
 from msgspec import Struct
 
 from calibrary.catalogue import shipped_folder
-from calibrary.known_camera import SensorWidth
+from calibrary.known_camera import KnownCamera, SensorWidth
 
 AGREEMENT: Final = 0.03
 """If databases, or two entries that match a name, differ by more than this fraction, no width is returned."""
@@ -43,6 +43,13 @@ NUMERALS: Final = {2: "ii", 3: "iii", 4: "iv", 5: "v", 6: "vi", 7: "vii"}
 
 SHORTEST_TAIL: Final = 3
 """Fewest letters and digits of a Model that may match the end of a longer name ("DSC-P52")."""
+
+
+def listed_width(camera: KnownCamera | None, make: str | None, model: str | None) -> SensorWidth | None:
+    """The sensor width that the catalogue states of a camera, or else the lists; None if neither does."""
+    if camera is not None and camera.sensor_width_mm is not None:
+        return SensorWidth(camera.sensor_width_mm, "the catalogue")
+    return sensor_width(make, model)
 
 
 def sensor_width(make: str | None, model: str | None) -> SensorWidth | None:

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics
-from calibrary.catalogue.sensor_widths import sensor_width
+from calibrary.catalogue.sensor_widths import listed_width
 from calibrary.errors import FrameError
 from calibrary.evidence.context import Scene, Source, SourceEstimate
 from calibrary.evidence.frame import RESIZED, adapt, files_frame
@@ -34,7 +34,6 @@ from calibrary.jobs.extract.cameras import (
 from calibrary.jobs.extract.knowledge import Knowledge, Known
 from calibrary.jobs.images.accumulator import undated
 from calibrary.jobs.weigh import MEASURED, engraved
-from calibrary.known_camera import SensorWidth
 from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.validation import (
@@ -400,7 +399,7 @@ def scene_of(state: State, sensor: Sensor, policy: Policy) -> Scene:
     sensor databases consulted.
     """
     sides, camera = sensor.sides(state.metadata), state.known.camera
-    knows = camera is not None and (camera.pitch_um is not None or camera.fx_over_w is not None)
+    knows = camera is not None and camera.gives_k
     weighs = policy.independent_sources_settle and not knows
     return Scene(
         metadata=state.metadata,
@@ -410,15 +409,8 @@ def scene_of(state: State, sensor: Sensor, policy: Policy) -> Scene:
         # For a known camera the default sensor size would be wrong.
         assumed_sensor_mm=None if sensor.given or knows or state.known.calibration is not None else sides,
         weighs=weighs,
-        listed=_listed_width(state) if weighs else None,
+        listed=listed_width(camera, state.metadata.make, state.metadata.model) if weighs else None,
     )
-
-
-def _listed_width(state: State) -> SensorWidth | None:
-    camera = state.known.camera
-    if camera is not None and camera.sensor_width_mm is not None:
-        return SensorWidth(camera.sensor_width_mm, "the catalogue")
-    return sensor_width(state.metadata.make, state.metadata.model)
 
 
 def validation_context(
