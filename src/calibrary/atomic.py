@@ -101,7 +101,7 @@ def _syncs(staged: Sequence[tuple[Path, Path]]) -> list[tuple[Path, Future[None]
     """
     from concurrent.futures import ThreadPoolExecutor  # noqa: PLC0415  for what writes only
 
-    with ThreadPoolExecutor(32) as pool:
+    with ThreadPoolExecutor(16) as pool:
         return [(path, pool.submit(_sync, temporary)) for temporary, path in staged]
 
 
