@@ -101,6 +101,9 @@ def test_nothing_is_disbelieved_by_which_an_independent_source_stands() -> None:
         ({"focal_mm": 35.0}, "it is of a lens at 35 mm, and these images are of 24 mm"),
         ({"serial": "b" * 16}, "it is of the unit bbbbbbbb, and these images are of aaaaaaaa"),
         ({"sub_camera": "tele"}, "it is of the camera tele, and these images are of wide"),
+        ({"sub_camera": "blue-444"}, "it is of the camera blue-444, and these images are of wide"),
+        ({"sub_camera": "cam0"}, None),
+        ({"sub_camera": "dji m3t 640 512 brown 1.1111"}, None),
     ],
 )
 def test_a_calibration_that_names_another_camera_is_not_of_these_images(

@@ -32,6 +32,7 @@ from calibrary.evidence.context import SourceEstimate
 from calibrary.evidence.optics import DIAGONAL_35MM
 from calibrary.evidence.weighing import Evidence
 from calibrary.jobs.diff.common_numbers import K_NAMES, SAME, common_numbers
+from calibrary.known_camera import SUB_CAMERAS, normalise_sub_camera
 from calibrary.policy import Policy
 from calibrary.provenance import Provenance
 from calibrary.records import replace
@@ -380,13 +381,19 @@ def foreign(calibration: Calibration, camera: CameraKey) -> str | None:
         return f"it is of {model}, and these images are of {camera.model}"
     for what, one, other in (
         ("the unit", stated.serial, camera.serial),
-        ("the camera", stated.sub_camera, camera.sub_camera),
+        ("the camera", _part(stated.sub_camera), camera.sub_camera),
     ):
         if one and other and one != other:
             return f"it is of {what} {one[:8]}, and these images are of {other[:8]}"
     if stated.focal_mm and camera.focal_mm and abs(stated.focal_mm / camera.focal_mm - 1.0) > OTHER_FOCAL:
         return f"it is of a lens at {stated.focal_mm:g} mm, and these images are of {camera.focal_mm:g} mm"
     return None
+
+
+def _part(name: str | None) -> str | None:
+    """The sub-camera or band that a name states; None for what a file calls its cameras itself, as cam0 or by model."""
+    word = normalise_sub_camera(name) if name else None
+    return word if word and any(f"{word}-".startswith(f"{one}-") for one in SUB_CAMERAS) else None
 
 
 def model_of(calibration: Calibration) -> str | None:
