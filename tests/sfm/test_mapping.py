@@ -92,3 +92,15 @@ def test_a_wide_lens_keeps_its_reconstruction_if_that_as_a_fisheye_fails(
     tracks, scene = reconstruct(matched(tmp_path, CAMERA), start=START)
     assert not scene.model.is_omnidirectional
     assert tracks.used.all()
+
+
+def test_a_fisheye_is_tried_where_a_perspective_lens_reconstructs_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def run(work: Callable[..., Any], progress: Progress | None, *args: Any) -> object:
+        return run_apart(work, progress, *args) if args[-1] is OPENCV_FISHEYE else None
+
+    monkeypatch.setattr("calibrary.sfm.mapping.run_apart", run)
+    tracks, scene = reconstruct(matched(tmp_path, FISHEYE), start=START)
+    assert scene.model.is_omnidirectional
+    assert tracks.used.all()

@@ -76,13 +76,14 @@ def reconstruct(
     if (why := obvious_reason_unfit(features, matches, size)) is not None:
         raise CalibrationError(why)
     found = run_apart(_map, progress, matched, start, OPENCV_FISHEYE if fisheye else OPENCV)
-    if found is None:
-        raise CalibrationError(reason_unfit(len(features), matches, size))
-    if not fisheye and widest(*found) > WIDE_RAD:
-        # A perspective lens follows a few images of a fisheye over flat ground, with a focal length of next to nothing.
+    if not fisheye and (widest(*found) > WIDE_RAD if found else not _only_turned(matches, size)):
+        # A perspective lens follows a few images of a fisheye over flat ground, with a focal length of next to nothing,
+        # or none of them.
         with suppress(CalibrationError):
             other = run_apart(_map, progress, matched, start, OPENCV_FISHEYE)
-            found = max(found, other or found, key=lambda one: len(one[0].point))
+            found = max(found or other, other or found, key=lambda one: len(one[0].point) if one else 0)
+    if found is None:
+        raise CalibrationError(reason_unfit(len(features), matches, size))
     return found
 
 
