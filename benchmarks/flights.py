@@ -1,6 +1,6 @@
 """Whether the standard deviations of cameras from flights hold, and whether flights that determine none are reported.
 
-    python -m benchmarks.flights [--sets N] [--only WORD] [--points | --faults | --season N]
+    python -m benchmarks.flights [--sets N] [--only WORD] [--points | --faults | --unseen | --season N]
 
 Flights of a known camera as tracks, with normal noise, outliers and positions that drift, nothing rendered. Of each
 the true error of fx, fy, cx and cy is divided by the σ × κ that it states: z. Wanted: at least 95 % of the flights
@@ -10,6 +10,8 @@ below 3 σ, a root mean square of z near 1, and no flight over flat ground at on
 --faults flies with all at once that residuals do not show, by chance in each flight: positions up to 40 ms late,
 antenna up to 15 cm ahead and aside, heights up to 0.4 % off, a shutter that reads for up to 40 ms, a ripple of the lens
 of up to 0.3 px. The truth is then the model's camera nearest to the rippled one.
+--unseen flies with points in a part of the frame only and prints, of the flights that are kept fixed and of the others,
+the largest difference in px to the true camera over the whole frame.
 --season flies N flights of one camera over flat ground at one height and solves them alone and together.
 """
 
@@ -21,6 +23,7 @@ import os
 import sys
 import time
 from dataclasses import replace as replace_plan
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -51,6 +54,7 @@ from calibrary.sfm.season import solve_season
 from calibrary.sfm.sigma import covariance
 from tests.sfm.flights import CAMERA, FISHEYE, PLANS, Plan, fly, rippled
 from tests.sfm.surveyed import DATUM, FRAME, survey
+from tests.sfm.test_unseen import LENSES, OBLIQUE, PARTS, apart, seen
 
 NAMES = ("fx", "fy", "cx", "cy")
 LEVEL = (0.0, 0.0, 0.0)
@@ -176,6 +180,22 @@ def season(count: int, first: int) -> None:
         show(f"flat, {kind}, together", flight_result(together.whole, known=together.known), begun)
 
 
+def unseen(sets: int, first: int) -> None:
+    """Print what flights are good for that show a part of the frame only, and how far off they are over all of it."""
+    print(f"{'lens':<10}{'points in':<12}{'n':>4}{'fixed':>7}{'off by':>8}{'start':>7}{'off by':>8}")
+    for lens, part in product(LENSES, PARTS):
+        off: dict[bool, list[float]] = {True: [], False: []}
+        for seed in range(first, first + sets):
+            tracks, start = fly(OBLIQUE, seed, LENSES[lens])
+            flight = flight_result(adjust(tracks.only(seen(tracks, part)), start))
+            use = allowed(flight.result.calibration, FLEET).use
+            off[use is Use.FIXED].append(apart(lens, flight))
+        fixed, others = (
+            f"{len(off[is_fixed]):>7}{max(off[is_fixed], default=0):>8.2f}" for is_fixed in (True, False)
+        )
+        print(f"{lens:<10}{part:<12}{sets:>4}{fixed}{others}", flush=True)
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(
@@ -183,13 +203,13 @@ def main() -> None:
     )
     parser.add_argument("--sets", type=int, default=60)
     parser.add_argument("--only", default="")
-    parser.add_argument("--points", action="store_true")
-    parser.add_argument("--faults", action="store_true")
+    for flag in ("--points", "--faults", "--unseen"):
+        parser.add_argument(flag, action="store_true")
     parser.add_argument("--season", type=int, default=0)
     parser.add_argument("--first", type=int, default=0)
     given = parser.parse_args()
-    if given.season:
-        season(given.season, given.first)
+    if given.unseen or given.season:
+        unseen(given.sets, given.first) if given.unseen else season(given.season, given.first)
         return
     truth = np.array([getattr(CAMERA.intrinsics, name) for name in NAMES])
     heads = "".join(f"{name:>6}" for name in (*NAMES, *NAMES))

@@ -42,6 +42,9 @@ LENSES: Final = {
 }
 
 
+PARTS: Final = ("whole", "no corner", "no strip", "centre")
+
+
 def seen(tracks: Tracks, part: str) -> BoolArray:
     """Which observations lie in a part of the frame."""
     x, y = (tracks.pixels / tracks.image_size).T

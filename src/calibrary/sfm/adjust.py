@@ -292,16 +292,17 @@ def _best(
         start = given or scene_of_model(best.scene, Solvable.RATIONAL)
         with suppress(CalibrationError):
             tried.append(_searched(own, best, start, held))
-    # A rational lens that only follows a ripple of the lens is no choice, but it counts as a rival.
+    # A rational lens that only follows a ripple of the lens is no choice, but a rival, as far as it may be more.
     simple = [one for one in tried if one[0].model is not Solvable.RATIONAL]
-    shown = [one for one in tried if one in simple or _matters(_likeliest(simple)[1], one[1])]
+    more = {one.model: _beyond_ripple(_likeliest(simple)[1], other) for one, other in tried}
+    shown = [one for one in tried if one in simple or more[one[0].model] > 1]
     own, best = _likeliest(shown)
     rivals = [
         RivalLens(
             model=one.model,
             parameters=other.scene.parameters,
             beside=best.scene.parameters,
-            weight=math.exp(min(own.criterion - one.criterion, 0.0) / 2),
+            weight=math.exp(min(own.criterion - one.criterion, 0.0) / 2) * min(more[one.model], 1.0),
         )
         for one, other in tried
         if one is not own and one.refused is None
@@ -341,10 +342,15 @@ def _worth(bundle: Bundle, model: Solvable) -> float:
     return bundle.linear.rss * math.exp(-(PENALTY * more + 2 * math.log(LEAST_WEIGHT)) / n)
 
 
-def _matters(bundle: Bundle, rational: Bundle) -> bool:
-    """Return whether a rational lens explains more than a ripple of the lens, which the uncertainty includes."""
-    px = MATTERS_PX * max(1.0, max(bundle.tracks.image_size) / MAX_SIDE)
-    return rational.linear.rss < bundle.linear.rss - 2 * len(bundle.tracks.point) * px**2
+def _beyond_ripple(simple: Bundle, other: Bundle) -> float:
+    """Return how much of what a ripple of the lens may be a rational lens explains, beside a simpler one; else 1.
+
+    The uncertainty includes a ripple. Above 1 the rational lens explains more than that, and may be chosen.
+    """
+    if other.scene.model is not Solvable.RATIONAL:
+        return 1.0
+    px = MATTERS_PX * max(1.0, max(simple.tracks.image_size) / MAX_SIDE)
+    return max(simple.linear.rss - other.linear.rss, 0.0) / (2 * len(simple.tracks.point) * px**2)
 
 
 def _pays(smaller: Bundle, model: Solvable) -> bool:

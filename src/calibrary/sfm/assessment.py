@@ -42,9 +42,9 @@ FLAT: Final = 0.03
 RMS_WANTED_PX: Final = 1.4
 RMS_NEEDED_PX: Final = 3.0
 """Limits in px at the size of feature detection: features of natural surfaces are half as accurate as board corners."""
-EDGE_WANTED_PX: Final = 2.5
+EDGE_WANTED_PX: Final = 2.0
 """Largest σ of a projection anywhere in the frame, px at the size of feature detection: the next flight has points in
-corners where this one had none. Flights that show all of the frame have 0.2 to 2."""
+corners where this one had none. Of simulated flights that show all of the frame and were fixed the largest had 1.3."""
 MOST_LISTED: Final = 4
 WORSE_WANTED: Final = 1.5
 """Largest ratio of actual to stated standard deviation of surveyed points and marks."""
