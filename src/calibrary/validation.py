@@ -369,13 +369,15 @@ def _unconfirmed(c: Calibration, policy: Policy, context: ValidationContext) -> 
         message = f"fx = {fx_over_w:.3f} W by {c.provenance.tag or c.provenance.kind} {NOTHING_CONFIRMS}"
         if context.sensor_given and usual[0] <= fx_over_w <= usual[1]:
             severity, message = Severity.PASS, f"fx = {fx_over_w:.3f} W by the sensor that was given"
+    # A sensor that was given is not asked for again.
+    other = "ask the pixels (--verify)" if context.sensor_given else name_sensor(c.camera)
     return Finding(
         rule="focal-plausibility",
         severity=severity,
         measured=fx_over_w,
         limit=limit,
         message=message,
-        remedy=None if severity is Severity.PASS else f"{REGISTER}, or {name_sensor(c.camera)}",
+        remedy=None if severity is Severity.PASS else f"{REGISTER}, or {other}",
     )
 
 

@@ -123,3 +123,13 @@ def test_no_sensor_makes_a_k_without_a_focal_length(tmp_path: Path) -> None:
     picture(tmp_path / "a.jpg", make="Example", model="One", focal_35mm=24)
     camera = only(gate(tmp_path, sensor_mm=(13.2, 8.8)))
     assert (camera.verdict, camera.calibration) == (Verdict.REJECTED, None)
+
+
+def test_a_sensor_that_was_given_is_not_asked_for_again(tmp_path: Path) -> None:
+    """A 19 mm lens over 7.68 mm is 2.47 W, where a sensor that is given does not prove K alone."""
+    picture(tmp_path / "a.jpg", (640, 512), make="Example", model="One", focal_mm=(19, 1))
+    camera = only(gate(tmp_path, sensor_mm=(7.68, 6.144)))
+    assert camera.verdict is Verdict.UNPROVEN
+    assert camera.advice is not None
+    assert "--sensor" not in camera.advice
+    assert "--verify" in camera.advice
