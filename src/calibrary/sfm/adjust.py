@@ -294,7 +294,7 @@ def _best(
             tried.append(_searched(own, best, start, held))
     # A rational lens that only follows a ripple of the lens is no choice, but a rival, as far as it may be more.
     simple = [one for one in tried if one[0].model is not Solvable.RATIONAL]
-    more = {one.model: _beyond_ripple(_likeliest(simple)[1], other) for one, other in tried}
+    more = {one.model: _beyond_ripple(bundle, other) for one, other in tried}
     shown = [one for one in tried if one in simple or more[one[0].model] > 1]
     own, best = _likeliest(shown)
     rivals = [
