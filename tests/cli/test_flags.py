@@ -11,6 +11,7 @@ import pytest
 from msgspec import Meta, Struct
 
 from calibrary.arguments import Folder, PolicyLike, Text
+from calibrary.cli.commands import Parser
 from calibrary.cli.flags import add_flags, call
 from calibrary.image_size import ImageSize
 from calibrary.policy import FLEET
@@ -180,6 +181,24 @@ def test_of_two_positional_parameters_that_take_several_values_only_the_last_doe
     made = argparse.ArgumentParser()
     add_flags(made, check, positional={"images": "DIR", "files": "FILE"})
     assert call(check, made.parse_args(["a", "b", "c"])) == {"images": "a", "files": ["b", "c"]}
+
+
+@pytest.mark.parametrize("words", ["a b --day 2026-05-01", "a --day 2026-05-01 b", "--day 2026-05-01 a b"])
+def test_what_may_be_left_out_may_stand_after_a_flag(words: str) -> None:
+    def check(images: Folder, file: Folder | None = None, *, day: date | None = None) -> None:
+        """Check.
+
+        Args:
+            images: of a flight.
+            file: to be checked.
+            day: of the flight.
+        """
+
+    made = Parser()
+    add_flags(made, check, positional={"images": "DIR", "file": "FILE"})
+    found = made.parse_args(words.split())
+    assert (found.images, found.file, found.day) == ("a", "b", date(2026, 5, 1))
+    assert made.parse_args(["a", "--day", "2026-05-01"]).file is None
 
 
 def test_a_flag_may_take_all_its_values_or_none() -> None:

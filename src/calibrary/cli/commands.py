@@ -39,6 +39,16 @@ class Parser(argparse.ArgumentParser):
             getattr(arguments, "parser", self).error(f"unrecognized arguments: {' '.join(unknown)}")
         return arguments
 
+    def _match_arguments_partial(
+        self, actions: Sequence[argparse.Action], arg_strings_pattern: str
+    ) -> list[int]:
+        """Leave what may be given last open while flags follow: ``check FOLDER --recursive FILE``."""
+        # The base class has it since Python 3.13; before, the file was taken as not given at the first flag.
+        counts: list[int] = super()._match_arguments_partial(actions, arg_strings_pattern)
+        while counts and counts[-1] == 0 and "O" in arg_strings_pattern:
+            counts.pop()
+        return counts
+
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         """Suggest the nearest word for one that is not accepted."""
         if action.choices is None or value in action.choices:
