@@ -119,7 +119,8 @@ def _coverage(e: Evidence, limits: Limits) -> Iterator[Finding]:
             severity=Severity.NOTE if limits.edge_wanted_px is None else Severity.UNPROVEN,
             measured=everywhere,
             limit=1.0,
-            message=f"the model gives {1 - everywhere:.0%} of the frame no direction; no corner was seen there",
+            message=f"the model gives {two_digits(100 * (1 - everywhere))}% of the frame no direction; no corner was "
+            "seen there",
             remedy="where the lens shows an image there: hold the board into it",
         )
 
@@ -173,13 +174,13 @@ def _known(e: Evidence, limits: Limits, policy: Policy) -> Iterator[Finding]:
 
 def _edge(e: Evidence, proven: Proven, wanted: float | None, fixed: float) -> Finding:
     harms = wanted is not None and proven.edge_px > wanted
-    unseen = (
-        f", where no corner was seen ({whole_percent(1 - e.near)} of the {_image(e)})," if e.near < 1 else ""
+    unseen, share = whole_percent(1 - e.near), f"{whole_percent(proven.share)} of the {_image(e)}"
+    where = (
+        f"elsewhere (no corner was seen in {unseen} of the {_image(e)})" if e.near <= 0.99 else "elsewhere"
     )
-    share = f"{whole_percent(proven.share)} of the {_image(e)}"
     message = (
-        f"K is proven within {proven.radius_px:.0f} px of the middle ({share}); elsewhere{unseen} the standard "
-        f"deviation of a projection reaches {two_digits(proven.edge_px)} px"
+        f"K is proven within {proven.radius_px:.0f} px of the middle ({share}); {where} the standard deviation of a "
+        f"projection reaches {two_digits(proven.edge_px)} px"
     )
     if harms:
         message += f", need {wanted:g} px to keep K fixed"

@@ -201,8 +201,15 @@ def test_a_flight_is_kept_fixed_only_if_all_of_the_frame_is_known() -> None:
     ]
     (told,) = judge(edge, limits)
     assert (told.rule, told.severity, told.measured, told.limit) == ("uncertain-edge", UNPROVEN, 2.6, 2.5)
-    assert "elsewhere, where no corner was seen (40% of the frame), " in told.message
+    assert "elsewhere (no corner was seen in 40% of the frame) the" in told.message
+    (told_of_all,) = judge(replace(edge, near=0.999), limits)
+    assert "elsewhere the" in told_of_all.message
     assert told.message.endswith("a rational lens explains the views as well, and differs by up to 2.4 px")
+
+
+def test_a_part_without_a_direction_is_never_told_as_nothing() -> None:
+    (told,) = judge(replace(SOUND, sound=(1.0, 220 / 221)))
+    assert "gives 0.45% of the frame no direction" in told.message
 
 
 def test_the_gravest_is_told_first() -> None:
