@@ -8,8 +8,7 @@ from pathlib import Path
 from calibrary.calibration import Calibration
 from calibrary.catalogue import load_catalogue, match_image
 from calibrary.errors import MissingTagError, ParseError
-from calibrary.evidence.context import Scene
-from calibrary.evidence.context import Source as Tag
+from calibrary.evidence.context import UNCONFIRMED, Scene
 from calibrary.evidence.identity import camera_key
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.evidence.originality import originality
@@ -76,8 +75,9 @@ def _calibration(evidence: Evidence, name: str) -> list[Calibration]:
     scene = evidence.scene
     inferred = scene.known.sub_camera if scene.known is not None else None
     calibration = evidence.calibration(camera_key(scene.metadata, inferred), source_name=name)
-    # A width that others list of a camera's name speaks against a tag, and is no statement of the image.
-    is_stated = evidence.chosen is not None and evidence.chosen.source is not Tag.LISTED_SENSOR
+    # A width that others list of a camera's name, or that is inferred, speaks against a tag, and is no statement of the
+    # image.
+    is_stated = evidence.chosen is not None and evidence.chosen.source not in UNCONFIRMED
     if calibration is not None and is_stated:
         doubts = (f"the image was {done}" for done in originality(scene.metadata, scene.known).done)
         return [replace(calibration, notes=(*calibration.notes, *doubts))]

@@ -396,3 +396,9 @@ def test_what_extract_does_not_believe_of_an_image_is_no_k_of_the_image_as_a_fil
     assert found.intrinsics.fx == pytest.approx(5 / 6.16 * 4608)
     with pytest.raises(MissingTagError, match=r"would be a sensor 6\.58 mm wide"):
         read(image)
+
+
+def test_what_is_only_inferred_of_an_unknown_sensor_is_no_k_of_the_image_as_a_file(tmp_path: Path) -> None:
+    image = picture(tmp_path / "a.jpg", make="Example", model="One", focal_mm=(35, 1), focal_35mm=35)
+    with pytest.raises(MissingTagError, match="nothing in the image gives K"):
+        read(image)
