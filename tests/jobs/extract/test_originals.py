@@ -140,6 +140,10 @@ HALVED: dict[str, Any] = {"size": (2736, 1824), "pixel_size": (5472, 3648)}
 CORRECTED: dict[str, Any] = {"software": "DxO PhotoLab 6.3"}
 
 
+def moved_by(one: Calibration, px: float) -> Calibration:
+    return replace(one, intrinsics=replace(one.intrinsics, fx=one.intrinsics.fx + px))
+
+
 @pytest.mark.parametrize("change", [HALVED, CORRECTED], ids=["resized or cropped", "lens corrected"])
 @pytest.mark.parametrize("by", ["file", "entry"])
 def test_a_k_measured_elsewhere_is_not_that_of_images_that_a_program_changed(
@@ -171,3 +175,26 @@ def test_a_k_of_the_very_size_of_resized_images_is_theirs(tmp_path: Path) -> Non
     assert found.calibration is not None
     assert found.calibration.intrinsics.fx == pytest.approx(3661.25 / 2)
     assert check(tmp_path).is_right
+
+
+def test_what_is_of_another_size_is_no_rival_of_a_k_of_the_very_size_of_resized_images(
+    tmp_path: Path,
+) -> None:
+    picture(tmp_path / "a.jpg", **P4R, **HALVED)
+    write(UNIT, tmp_path / "camera.xml", format="agisoft_xml")
+    write(moved_by(UNIT, 3.0).scaled((2736, 1824)), tmp_path / "lens.xml", format="agisoft_xml")
+    found = only(gate(tmp_path))
+    assert found.verdict is Verdict.VALID
+    assert found.calibration is not None
+    assert found.calibration.intrinsics.fx == pytest.approx(3664.25 / 2)
+
+
+def test_of_several_changes_the_one_that_puts_a_k_of_this_size_in_doubt_is_told(tmp_path: Path) -> None:
+    picture(tmp_path / "a.jpg", **P4R, software="Microsoft Windows Photo Viewer 10")
+    write(UNIT, tmp_path / "lens.xml", format="agisoft_xml")
+    assert check(tmp_path).is_right
+    picture(tmp_path / "b.jpg", **P4R, **CORRECTED)
+    [one] = check(tmp_path).files
+    assert one.verdict is Rightness.UNKNOWN
+    assert "1 of 2 images was developed by DxO PhotoLab" in one.message
+    assert "Photo Viewer" not in one.message

@@ -20,7 +20,7 @@ from calibrary.jobs.images.observation import Seen, names_a_camera, path_order
 from calibrary.jobs.weigh import Source, of_images
 from calibrary.policy import Policy
 from calibrary.records import Record, replace
-from calibrary.validation import EDITED, Report, Verdict
+from calibrary.validation import Report, Verdict
 
 DEFAULT_SENSOR_MM = (13.2, 8.8)
 """The nominal 1-inch sensor, the default of the source document."""
@@ -142,18 +142,17 @@ class Camera(Struct, frozen=True, kw_only=True):
     def doubt(self, own: Calibration) -> str | None:
         """Why a K that was measured elsewhere may not be of these images: a program changed them; None if none did.
 
-        A K of their very size describes their frame, as far as that shows, but not a lens that was corrected since.
+        A K of their very size describes their frame, as far as that shows, but not if they state a crop themselves, nor
+        a lens that was corrected since.
 
         Args:
             own: at the image size at which it was measured.
         """
-        states = self.states
-        is_certain = any(one.original.lens_corrected or one.original.moved for one in states)
-        if own.intrinsics.image_size == states[0].metadata.size and not is_certain:
-            return None
-        told = self.report.findings if self.report is not None else ()
-        stated = [one.message for one in told if one.rule == EDITED] or [*edits_of(states).values()]
-        return stated[0] if stated else None
+        changed = [one for one in self.states if one.original.done]
+        if own.intrinsics.image_size == self.states[0].metadata.size:
+            changed = [one for one in changed if one.original.lens_corrected or one.original.moved]
+        done = {f"the image was {edit}" for one in changed for edit in one.original.done}
+        return next((told for edit, told in edits_of(self.states).items() if edit in done), None)
 
     def sources(self, policy: Policy) -> tuple[Source, ...]:
         """Everything that states a K for its images: their tags, and the registry's entry."""

@@ -225,6 +225,8 @@ def _from_files(camera: Camera, size: ImageSize, policy: Policy, sources: Source
             "provide a measured calibration"
         )
         return None, None, Step(step=name, outcome=StepOutcome.REFUSED, source=source, why=why)
+    # Of two sizes, what was measured at that of changed images has no rival in what cannot be shown to be of them.
+    measured = [(source, c) for source, c in measured if camera.doubt(c) is None] or measured
     source, calibration = measured[0]
     different = len({(c.intrinsics, c.distortion) for _, c in measured})
     if different > 1:
