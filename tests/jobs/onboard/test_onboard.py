@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import io
+import json
 import re
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from calibrary.calibration import Grade
 from calibrary.cli.main import main
 from calibrary.errors import UsageError
 from calibrary.evidence.metadata import ImageMetadata
+from calibrary.jobs.convert import convert
 from calibrary.jobs.onboard import onboard as job
 from calibrary.jobs.onboard.page import ROLES
 from calibrary.jobs.onboard.payload import _frames, sha256_of
@@ -419,6 +422,39 @@ def test_entries_of_the_same_model_are_held_beside_it(
     assert [(one["agrees"], one["agreement"]) for one in registry] == [(False, "differs")]
     assert camera["decision"] == "draft proposed"
     assert "differs by -0.83%, which matters on a map" in camera["reason"]
+    assert fleet.exists()
+
+
+def test_a_file_with_the_numbers_of_a_tag_is_proposed_as_what_the_tag_states(
+    fleet: Path, payload: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    image = payload / "flight/100_0001/IMG_0000.jpg"
+    convert(image, payload / "papers/camera.xml", to="agisoft_xml", force=True)
+    [camera] = document(capsys, payload, *UNIT)["cameras"]
+    [chosen] = [one for one in camera["estimates"] if one["chosen"]]
+    assert (chosen["kind"], chosen["grade"]) == ("tags", "derived")
+    assert [one.calibration.grade for one in drafted(fleet)] == [Grade.DERIVED]
+
+
+def test_what_a_file_calls_its_cameras_is_no_sub_camera(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    thermal: dict[str, Any] = {"focal_mm": (91, 10), "drone_dji:ImageSource": "InfraredCamera"}
+    picture(tmp_path / "flight/T.jpg", (640, 512), make="DJI", model="M3T", **thermal)
+    lens = dict.fromkeys(("c_x", "c_y", "p1", "p2", "k2", "k3"), 0.001) | {
+        "focal_x": 1.18,
+        "focal_y": 1.18,
+        "k1": -0.3,
+    }
+    cameras = {
+        f"v2 dji {model} {width} {height} brown 1.1": {
+            "projection_type": "brown", "width": width, "height": height, **lens
+        }
+        for model, width, height in (("m3t", 640, 512), ("fc6310r", 5472, 3648))
+    }  # fmt: skip
+    (tmp_path / "flight/cameras.json").write_text(json.dumps(cameras))
+    [camera] = document(capsys, tmp_path / "flight", "--for", "model")["cameras"]
+    assert [one["name"] for one in camera["estimates"] if one["chosen"]] == ["cameras.json, camera 1"]
     assert fleet.exists()
 
 

@@ -116,12 +116,14 @@ def _of_flight(solve: ImageSolve | None) -> Iterator[Estimate]:
 
 
 def _of_files(camera: PayloadCamera, policy: Policy) -> Iterator[Estimate]:
+    stated = of_tags(camera.judged.evidence, camera.key, policy) if camera.judged is not None else ()
+    nominal = [tag for tag in stated if not tag.is_measured]
     for file in camera.files:
         source = Source.measured(file.name, file.calibration)
         if not source.is_measured:
             source = replace(source, tolerance=policy.source_agreement, why="it was not measured")
-        grade = file.calibration.grade
-        yield _stated(Kind.FILE, source, (grade.rank, 1) if grade.is_metric else None)
+        grade, is_computed = file.calibration.grade, any(source.is_copy_of(tag) for tag in nominal)
+        yield _stated(Kind.FILE, source, (grade.rank, 1) if grade.is_metric and not is_computed else None)
 
 
 def _of_tags(camera: PayloadCamera, policy: Policy) -> Iterator[Estimate]:

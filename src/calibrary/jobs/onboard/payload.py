@@ -409,7 +409,7 @@ def _hand_out(
         return
     if from_images:
         kept = ", ".join(str(camera.key) for camera in sorted_.cameras[:NAMES_SHOWN])
-        other = _another(one.calibration, sorted_.cameras[0].key)
+        other = foreign(one.calibration, sorted_.cameras[0].key)
         why = other if other is not None else f"is of {key}, and the images are of {kept}"
         sorted_.skipped.append(SkippedFile(name=one.name, reason=why))
         return
@@ -426,18 +426,9 @@ def _hand_out(
 
 def _fits(calibration: Calibration, key: CameraKey) -> bool:
     """Whether a file's camera can be this one: same sensor crop, and no other model, unit or sub-camera stated."""
-    camera = calibration.camera
     if key.image_size is None or not same_aspect(calibration.intrinsics.image_size, key.image_size):
         return False
-    if _another(calibration, key) is not None:
-        return False
-    sub = camera.sub_camera
-    return sub is None or sub.isdecimal() or key.sub_camera is None or _is_sub_camera(calibration, key)
-
-
-def _another(calibration: Calibration, key: CameraKey) -> str | None:
-    """Which name of the file's camera is not this one's; sub-cameras are compared by what they mean."""
-    return foreign(replace(calibration, camera=replace(calibration.camera, sub_camera=None)), key)
+    return foreign(calibration, key) is None
 
 
 def _is_sub_camera(calibration: Calibration, key: CameraKey) -> bool:
