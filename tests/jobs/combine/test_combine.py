@@ -51,6 +51,7 @@ def with_grade(source: Source, grade: Grade) -> Source:
 
 PASS, PROVISIONAL, REFUSE = BoardVerdict
 TOO_WIDE = ("provisional: not good enough to be approved", "uncertain-focal-length: 0.2 %", "few-images: 12")
+UNSEEN = ("provisional: not good enough to be approved", "uncertain-edge: 7 px; fly cross strips")
 FLAT = ("provisional: not good enough to be approved", "focal-length-or-height: flat; fly: two heights")
 
 
@@ -247,6 +248,13 @@ CASES = (
         PROVISIONAL,
         "provisional-source",
         "focal-length-or-height",
+    ),
+    Case(
+        "provisional for corners of the frame that none of them may have seen",
+        lambda: flights(4, notes=UNSEEN),
+        PROVISIONAL,
+        "provisional-source",
+        "uncertain-edge",
     ),
     Case("a program's own σ", lambda: flights(5, kappa2=None), PROVISIONAL, "formal-sigma", "no halves"),
     Case(

@@ -50,9 +50,9 @@ from calibrary.version import __version__
 SAME_TURN_DEG: Final = 0.1
 """Largest difference of the camera's turns in two adjustments of the same images, if they determine the camera."""
 NOT_MEASURED: Final = "not-measured"
-CURED: Final = frozenset({"uncertain-focal-length", "uncertain-edge", "few-images", "few-views"})
-"""Rules that a single calibration can fail and further ones remedy. All other shortcomings, such as a weak geometry or
-a lens model that does not fit, can be common to all."""
+CURED: Final = frozenset({"uncertain-focal-length", "few-images", "few-views"})
+"""Rules that a single calibration can fail and further ones remedy. All other shortcomings, such as a weak geometry, a
+lens model that does not fit, or corners of the frame that none has seen, can be common to all."""
 
 
 def obstacles(sources: Sequence[Source]) -> Iterator[Finding]:
