@@ -433,6 +433,7 @@ def test_a_file_with_the_numbers_of_a_tag_is_proposed_as_what_the_tag_states(
     [camera] = document(capsys, payload, *UNIT)["cameras"]
     [chosen] = [one for one in camera["estimates"] if one["chosen"]]
     assert (chosen["kind"], chosen["grade"]) == ("tags", "derived")
+    assert "papers/camera.xml has its numbers; EXIF FocalLengthIn35mmFilm agrees" in camera["reason"]
     assert [one.calibration.grade for one in drafted(fleet)] == [Grade.DERIVED]
 
 

@@ -434,9 +434,11 @@ def _why(
     chosen: Estimate, others: Sequence[Estimate], solved: CalibrationResult | None, *, nominal: bool
 ) -> str:
     grade = chosen.grade.value if chosen.grade is not None else "unknown"
-    agreeing = [one.name for one in others if one.agrees]
     told = f"its K is that of {chosen.name}, grade {grade}"
-    told += f"; {', '.join(agreeing[:3])} {'agrees' if len(agreeing) == 1 else 'agree'}" if agreeing else ""
+    # What was written from another source is no second one.
+    for is_copy, verbs in ((True, ("has its numbers", "have its numbers")), (False, ("agrees", "agree"))):
+        names = [one.name for one in others if one.agrees and _is_copy(one, chosen) is is_copy]
+        told += f"; {', '.join(names[:3])} {verbs[len(names) > 1]}" if names else ""
     differing = [
         f"{one.name} differs by {one.difference:+.2%}, which matters on a map"
         for one in others
@@ -451,6 +453,10 @@ def _why(
         better = "take better frames" if chosen.kind is Kind.BOARD else "fly what its findings ask for"
         told += f"; provisional: {better} before approving it"
     return told
+
+
+def _is_copy(one: Estimate, other: Estimate) -> bool:
+    return one.source is not None and other.source is not None and one.source.is_copy_of(other.source)
 
 
 def _no_k(camera: PayloadCamera, board: ImageSolve | None) -> tuple[str, str]:
