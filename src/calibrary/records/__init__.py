@@ -193,7 +193,7 @@ def fields_json(record: Record, plain: Callable[[object], Json] | None = None) -
 
     Args:
         record: the record.
-        plain: converts a value that is no record; by default to plain values throughout.
+        plain: converts a value, a nested record too; by default to plain values throughout.
     """
     plain = plain or _plain
     config = record.__struct_config__
