@@ -214,7 +214,8 @@ def test_a_unit_has_a_qr_code_where_a_telephone_can_open_its_page(
     served: Desk, fleet: Path, tmp_path: Path
 ) -> None:
     page = "/cameras/dji/fc6310r/5472x3648+f8.8.html"
-    assert "No telephone reaches this address" in asked(served, page, Cookie=cookie(served))[2]
+    shown = " ".join(asked(served, page, Cookie=cookie(served))[2].split())
+    assert "No telephone reaches this address; it reaches a desk with" in shown
     with shared(fleet, tmp_path, "127.0.0.2") as server:
         form = {"Content_Type": FORM, "Origin": own(server)}
         let_in = asked(server, "/start", "POST", body=RIGHT, **form)[1]["Set-Cookie"].partition(";")[0]

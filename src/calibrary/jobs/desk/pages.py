@@ -687,7 +687,7 @@ def _good_for(calibration: Calibration, fleet: Fleet) -> Iterator[Block]:
 def _code(home: str, place: Place) -> Iterator[Block]:
     """The QR code that opens a page; of a desk that no telephone can reach, what prints one."""
     if urlsplit(home).hostname in {LOOPBACK, LOCAL}:
-        yield "No telephone reaches this address, but that of a desk with --host; for pages elsewhere, a label a unit:"
+        yield "No telephone reaches this address; it reaches a desk with --host. Labels for pages served elsewhere:"
         yield Code(text="calibrary registry site FOLDER --labels https://HOST/PATH/", label="In a terminal")
         return
     try:
