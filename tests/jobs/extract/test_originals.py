@@ -162,6 +162,7 @@ def test_a_k_measured_elsewhere_is_not_that_of_images_that_a_program_changed(
     assert found.verdict is Verdict.UNPROVEN
     assert found.calibration is not None
     assert found.calibration.grade is Grade.DERIVED
+    assert "is not used: nothing shows that what it describes is left" in str(found.reason)
     [one] = check(folder / "changed").files
     assert one.verdict is Rightness.UNKNOWN
     assert str(found.camera.reason) in one.message

@@ -67,8 +67,8 @@ class Step(Record):
 
     @property
     def is_refused(self) -> bool:
-        """Whether a K that the user put there is not used."""
-        given = self.step in {StepName.FALLBACK_K, StepName.CALIBRATION_FILE}
+        """Whether a K that the user put there, or approved, is not used."""
+        given = self.step in {StepName.FALLBACK_K, StepName.CALIBRATION_FILE, StepName.REGISTRY}
         return given and self.outcome is StepOutcome.REFUSED and self.source is not None
 
 
@@ -270,7 +270,7 @@ def _from_registry(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
         and camera.verdict is Verdict.UNPROVEN
         and id_of(known.resolution.path) in (camera.reason or "")
     ):
-        why = f"{camera.reason}; one of the two is wrong"
+        why = "it contradicts what these images state, and one of the two is wrong"
         step = Step(step=name, outcome=StepOutcome.REFUSED, source=resolved.provenance.source, why=why)
         return None, None, step
     own, source = known.resolution.entry.calibration, resolved.provenance.source
