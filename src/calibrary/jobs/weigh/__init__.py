@@ -3,7 +3,8 @@
 >>> from calibrary.jobs.weigh import Source, weigh
 >>> mine = calibrary.read("camera.xml")
 >>> K = Source.measured("camera.xml", mine)
->>> tag = Source(name="EXIF FocalLength ÷ listed sensor", calibration=mine.scaled((5472, 3648)), tolerance=0.02)
+>>> nominal = calibrary.Calibration.from_opencv([[3667, 0, 2736], [0, 3667, 1824], [0, 0, 1]], image_size=(5472, 3648))
+>>> tag = Source(name="EXIF FocalLength ÷ listed sensor", calibration=nominal, tolerance=0.02)
 >>> weigh(K, [tag], mine.camera, calibrary.FLEET).standing.value
 'confirmed'
 
