@@ -9,7 +9,7 @@ import pytest
 
 from calibrary import check, write
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance
-from calibrary.distortion import BrownConrady
+from calibrary.distortion import BrownConrady, NoDistortion
 from calibrary.evidence.metadata import Encoding, ImageMetadata
 from calibrary.evidence.originality import Pixels
 from calibrary.jobs.extract.calibration_files import Rightness
@@ -176,6 +176,15 @@ def test_a_k_of_the_very_size_of_resized_images_is_theirs(tmp_path: Path) -> Non
     assert found.calibration is not None
     assert found.calibration.intrinsics.fx == pytest.approx(3661.25 / 2)
     assert check(tmp_path).is_right
+
+
+def test_a_k_without_distortion_is_of_images_whose_lens_was_corrected(tmp_path: Path) -> None:
+    picture(tmp_path / "a.jpg", **P4R, **CORRECTED)
+    write(replace(UNIT, distortion=NoDistortion()), tmp_path / "lens.xml", format="agisoft_xml")
+    assert check(tmp_path).is_right
+    assert only(gate(tmp_path)).verdict is Verdict.VALID
+    picture(tmp_path / "b.jpg", **P4R)
+    assert not check(tmp_path).is_right, "of an original it is not"
 
 
 def test_what_is_of_another_size_is_no_rival_of_a_k_of_the_very_size_of_resized_images(

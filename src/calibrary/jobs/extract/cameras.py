@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from msgspec import Struct
 
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics
+from calibrary.distortion import NoDistortion
 from calibrary.evidence.context import Dropped
 from calibrary.evidence.identity import camera_key, firmware
 from calibrary.evidence.metadata import ImageMetadata
@@ -143,14 +144,17 @@ class Camera(Struct, frozen=True, kw_only=True):
         """Why a K that was measured elsewhere may not be of these images: a program changed them; None if none did.
 
         A K of their very size describes their frame, as far as that shows, but not if they state a crop themselves, nor
-        a lens that was corrected since.
+        a lens that was corrected since, unless it has no distortion and all of them were.
 
         Args:
             own: at the image size at which it was measured.
         """
         changed = [one for one in self.states if one.original.done]
         if own.intrinsics.image_size == self.states[0].metadata.size:
-            changed = [one for one in changed if one.original.lens_corrected or one.original.moved]
+            corrected = [one for one in changed if one.original.lens_corrected]
+            if isinstance(own.distortion, NoDistortion) and len(corrected) == len(self.states):
+                corrected = []
+            changed = [one for one in changed if one in corrected or one.original.moved]
         done = {f"the image was {edit}" for one in changed for edit in one.original.done}
         return next((told for edit, told in edits_of(self.states).items() if edit in done), None)
 
