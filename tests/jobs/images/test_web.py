@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import gc
 from email.message import Message
+from urllib.parse import urlsplit
 
 import pytest
 
 from calibrary.jobs.images.ranged import StoreError
 from calibrary.jobs.images.web import WebServer
+from tests.jobs.images.servers import site
 
 
 @pytest.mark.parametrize(
@@ -42,3 +45,16 @@ def test_a_part_of_another_version_than_the_first_is_refused(
     # A weak version cannot be a condition of a range (RFC 9110, 13.1.1).
     condition = {"If-Match": version} if version == '"a"' else {}
     assert asked == {"key": "a.tif", "Range": "bytes=3-6"} | condition
+
+
+def test_open_connections_end_with_their_server() -> None:
+    with site() as found:
+        found.files["a.jpg"] = b"0123"
+        place = urlsplit(found.url)
+        server = WebServer(place.scheme, place.netloc)
+        assert server.first("a.jpg", 4).data == b"0123"
+        [kept] = server._idle
+        assert kept.sock is not None
+        del server
+        gc.collect()
+        assert kept.sock is None

@@ -6,8 +6,9 @@ import http.client
 import re
 import ssl
 import threading
+import weakref
 from base64 import b64encode
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cache
 from http import HTTPStatus
 from typing import Final
@@ -44,6 +45,8 @@ class WebServer:
         if credentials:
             self._headers["Authorization"] = f"Basic {b64encode(unquote(credentials).encode()).decode()}"
         self._idle: list[http.client.HTTPConnection] = []
+        # With the server, or at the end of the program: an open socket that is collected then is warned of.
+        weakref.finalize(self, _close, self._idle)
         self._lock = threading.Lock()
 
     def first(self, key: str, size: int) -> First:
@@ -139,6 +142,11 @@ class WebServer:
                 self._idle.append(connection)
                 return
         connection.close()
+
+
+def _close(connections: Sequence[http.client.HTTPConnection]) -> None:
+    for one in connections:
+        one.close()
 
 
 @cache
