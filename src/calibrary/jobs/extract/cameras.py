@@ -151,10 +151,14 @@ class Camera(Struct, frozen=True, kw_only=True):
         """
         changed = [one for one in self.states if one.original.done]
         if own.intrinsics.image_size == self.states[0].metadata.size:
-            corrected = [one for one in changed if one.original.lens_corrected]
-            if isinstance(own.distortion, NoDistortion) and len(corrected) == len(self.states):
-                corrected = []
-            changed = [one for one in changed if one in corrected or one.original.moved]
+            is_of_corrected = isinstance(own.distortion, NoDistortion) and all(
+                one.original.lens_corrected for one in self.states
+            )
+            changed = [
+                one
+                for one in changed
+                if one.original.moved or (one.original.lens_corrected and not is_of_corrected)
+            ]
         done = {f"the image was {edit}" for one in changed for edit in one.original.done}
         return next((told for edit, told in edits_of(self.states).items() if edit in done), None)
 
