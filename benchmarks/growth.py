@@ -133,7 +133,8 @@ def of_registry(most: int) -> None:
             measured(entries)
             print(f"{entries} entries measured, load {os.getloadavg()[0]:.1f}", file=sys.stderr)
     for what in dict.fromkeys(what for what, _ in spent):
-        grows(f"registry, {what}", 10_000, most, lambda n, what=what: spent[what, n], start=spent[what, 2])  # type: ignore[misc]
+        cost = {entries: seconds for (name, entries), seconds in spent.items() if name == what}
+        grows(f"registry, {what}", 10_000, most, cost.__getitem__, start=cost[2])
 
 
 def of_table(most: int) -> None:

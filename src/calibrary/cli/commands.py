@@ -43,7 +43,7 @@ class Parser(argparse.ArgumentParser):
         self, actions: Sequence[argparse.Action], arg_strings_pattern: str
     ) -> list[int]:
         """Leave what may be given last open while flags follow: ``check FOLDER --recursive FILE``."""
-        # The base class has it since Python 3.13; before, the file was taken as not given at the first flag.
+        # In Python 3.11 the base class takes the file as not given once a flag follows.
         counts: list[int] = super()._match_arguments_partial(actions, arg_strings_pattern)
         while counts and counts[-1] == 0 and "O" in arg_strings_pattern:
             counts.pop()
