@@ -146,39 +146,57 @@ def _equivalent_px(camera: Camera, policy: Policy) -> float | None:
     return next((one.intrinsics.fx for one in estimates if one.source is Source.FOCAL_35MM), None)
 
 
+Attempt = tuple[Calibration | None, Report | None, Step]
+
+
 def fall_back(camera: Camera, policy: Policy, sources: Sources) -> Fallback:
-    """Try the fallback steps for a camera without a valid K from its images."""
-    steps: list[Step] = []
-    size = camera.states[0].metadata.size
-    for attempt in (_explicit, _from_files):
-        calibration, report, step = attempt(camera, size, policy, sources)
-        steps.append(step)
-        if calibration is not None:
-            return Fallback(steps=tuple(steps), calibration=calibration, report=report)
-    start = seed(camera.key, size, _equivalent_px(camera, policy))
+    """Try the fallback steps for a camera without a valid K from its images.
+
+    The first valid K is used, else the first that is unproven: a file that contradicts the approved entry is unproven,
+    and must not keep the entry from being asked.
+    """
+    start, kept = _initial(camera, policy)
+    attempts: list[Attempt] = []
+    for attempt in (_explicit, _from_files, _from_registry):
+        if attempt is _from_registry:
+            attempts.append((None, None, kept))
+        attempts.append(attempt(camera, policy, sources))
+        if not _is_unproven(attempts[-1]):
+            break
+    with_k = [one for one in attempts if one[0] is not None]
+    used = min(with_k, key=_is_unproven) if with_k else None
+    steps = tuple(one[2] if one is used else _passed_over(one) for one in attempts)
+    if used is None:
+        return Fallback(steps=steps, seed=start)
+    return Fallback(steps=steps, calibration=used[0], report=used[1])
+
+
+def _is_unproven(attempt: Attempt) -> bool:
+    """Whether a step gives no K, or only one that is unproven."""
+    return attempt[1] is None or attempt[1].verdict is not Verdict.VALID
+
+
+def _passed_over(attempt: Attempt) -> Step:
+    """The step, refused for its own finding if it gives a K and another is used."""
+    _, report, step = attempt
+    return (
+        step if report is None else replace(step, outcome=StepOutcome.REFUSED, why=report.failures[0].message)
+    )
+
+
+def _initial(camera: Camera, policy: Policy) -> tuple[Calibration, Step]:
+    """Initial values of a solver, which are not a K, and the step that keeps them."""
+    start = seed(camera.key, camera.states[0].metadata.size, _equivalent_px(camera, policy))
     source, why = start.provenance.tag, "it is not a K, because nothing in this run refines it"
     if (proposed := camera.states[0].known.proposed) is not None:
         start, source = replace(proposed.calibration, camera=camera.key), proposed.path
         why = f"it is proposed and not approved ({allowed(start, policy).why})"
-    step = Step(
-        step=StepName.SEED,
-        outcome=StepOutcome.KEPT_AS_SEED,
-        source=source,
-        why=f"{why}; a solver may start from it",
-    )
-    steps.append(step)
-    calibration, report, step = _from_registry(camera, policy, sources)
-    steps.append(step)
-    if calibration is not None:
-        return Fallback(steps=tuple(steps), calibration=calibration, report=report)
-    return Fallback(steps=tuple(steps), seed=start)
+    why = f"{why}; a solver may start from it"
+    return start, Step(step=StepName.SEED, outcome=StepOutcome.KEPT_AS_SEED, source=source, why=why)
 
 
-Attempt = tuple[Calibration | None, Report | None, Step]
-
-
-def _explicit(camera: Camera, size: ImageSize, policy: Policy, sources: Sources) -> Attempt:
-    name = StepName.FALLBACK_K
+def _explicit(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
+    size, name = camera.states[0].metadata.size, StepName.FALLBACK_K
     if sources.matrix is None:
         return None, None, Step(step=name, outcome=StepOutcome.NOT_THERE, why="no --fallback-k given")
     source, for_frame = sources.matrix
@@ -200,8 +218,8 @@ def _explicit(camera: Camera, size: ImageSize, policy: Policy, sources: Sources)
     return _judged(camera, calibration, policy, name, source)
 
 
-def _from_files(camera: Camera, size: ImageSize, policy: Policy, sources: Sources) -> Attempt:
-    name = StepName.CALIBRATION_FILE
+def _from_files(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
+    size, name = camera.states[0].metadata.size, StepName.CALIBRATION_FILE
     sized = [(source, c) for source, c in sources.files if fits(c, size)]
     fitting = [(source, c) for source, c in sized if foreign(c, camera.key) is None]
     if sized and not fitting:
