@@ -250,6 +250,23 @@ def test_the_hash_of_a_k_is_that_of_the_image_that_states_it(tmp_path: Path) -> 
     assert (made.source, made.sha256) == ("DJI_0001.JPG", sha256_of(folder / "DJI_0001.JPG"))
 
 
+@pytest.mark.usefixtures("fleet")
+def test_the_hash_of_a_k_is_that_of_its_image_where_two_folders_have_the_same_names(tmp_path: Path) -> None:
+    folder = phantom(tmp_path / "payload" / "second").parent
+    (folder / "first").mkdir()
+    picture(folder / "first" / "DJI_0001.JPG", **PHANTOM)
+    [camera] = job(folder, serves="unit", html=tmp_path / "page.html").cameras
+    assert camera.entry is not None
+    assert camera.entry.calibration.provenance.sha256 == sha256_of(folder / "second" / "DJI_0001.JPG")
+
+
+@pytest.mark.parametrize("model", ["Survey Two.", "Übersicht 2", "Survey..2", ".lock"])
+def test_any_name_of_a_model_makes_a_branch(fleet: Path, tmp_path: Path, model: str) -> None:
+    folder = survey(tmp_path / "payload", model=model)
+    [written] = job(folder, serves="unit", html=tmp_path / "page.html", write=True).branches
+    assert written in branches(fleet)
+
+
 def test_of_a_set_of_which_half_shows_a_board_every_frame_counts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -502,11 +502,8 @@ def _own_source(camera: PayloadCamera, chosen: Estimate, folder: Path) -> Source
         file = next(one for one in camera.files if one.name == chosen.name)
         return SourceFile(name=file.name.rpartition("/")[2], sha256=file.sha256)
     if chosen.kind is Kind.TAGS and camera.judged is not None:
-        # The state that gives the K states its first image as the source.
         made = camera.judged.calibration
-        source = made.provenance.source if made is not None else None
-        name = next((one for one in camera.judged.names if one.rpartition("/")[2] == source), None)
-        name = name or camera.judged.names[0]
+        [name, *_] = next(one.state.names for one in camera.judged.judged if one.calibration == made)
         return SourceFile(name=name.rpartition("/")[2], sha256=sha256_of(folder / name))
     return None
 

@@ -348,7 +348,8 @@ class Onboarding(Struct, frozen=True, kw_only=True):
 
 def branch_of(camera: CameraKey) -> str:
     """Name of the branch on which drafts of a model wait for approval."""
-    return f"{BRANCHES}{slug(camera.make or '')}-{slug(camera.model or '')}"
+    # The ~ of a slug is no letter of a branch name; no slug contains +.
+    return f"{BRANCHES}{slug(camera.make or '')}-{slug(camera.model or '')}".replace("~", "+")
 
 
 def page_name(done: OnboardReport) -> str:
