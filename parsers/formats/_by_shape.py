@@ -10,10 +10,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from calibrary.distortion import Distortion, KannalaBrandt
+from calibrary.errors import UnsupportedModelError
+from calibrary.parsers import names
+from calibrary.parsers import text as strict
 from calibrary.parsers.document import Node
 from calibrary.parsers.formats import _file_storage as storage
-from calibrary.parsers.formats._opencv_keys import COEFFICIENTS, MATRIX, is_fisheye, simplified
 from calibrary.parsers.formats._opencv_lens import lens
+from calibrary.parsers.names import MATRIX, VECTOR, Family, simplified
 from calibrary.records import Json
 
 AROUND = frozenset({
@@ -23,20 +26,35 @@ AROUND = frozenset({
 })  # fmt: skip
 """Keys of tables that only put others together."""
 DEPTH = 2
-FOCALS = (("fx", "fy"), ("focalx", "focaly"), ("focallengthx", "focallengthy"), ("flx", "fly"), ("fu", "fv"))
-CENTRES = (
-    ("cx", "cy"), ("ppx", "ppy"), ("principalpointx", "principalpointy"), ("centerx", "centery"), ("u0", "v0"),
-    ("cu", "cv"),
-)  # fmt: skip
-PAIRS = (("focallength", "f", "fc", "focal"), ("principalpoint", "c", "cc", "pp", "center"))
-RADIAL = ("radial", "radialdistortion", "radialcoefficients", "radialcoeffs", "radialdistortioncoefficients")
-TANGENTIAL = (
-    "tangential", "tangentialdistortion", "tangentialcoefficients", "tangentialcoeffs",
-    "tangentialdistortioncoefficients",
-)  # fmt: skip
+PAIRS = (names.ONE_FOCAL, names.ONE_CENTRE)
 OPENCV_COUNTS = (5, 8, 12, 14)
 """Lengths of a vector that is OpenCV's; four may be a fisheye's."""
 RADIALS, TANGENTIALS = tuple(f"k{n}" for n in range(1, 7)), ("p1", "p2")
+
+
+def is_fisheye(simple: Mapping[str, str], tree: Node) -> bool | None:
+    """Whether a file names cv2.fisheye's model; None if it names neither that nor OpenCV's other one.
+
+    Args:
+        simple: its keys, by their simplified form.
+        tree: the file.
+
+    Raises:
+        UnsupportedModelError: the distortion's model is another one.
+    """
+    for name in names.MODELS:
+        word = tree[simple[name]].value if name in simple else None
+        found = names.family(word) if isinstance(word, str) else None
+        if found in {Family.OPENCV, Family.FISHEYE}:
+            return found is Family.FISHEYE
+        if isinstance(word, str) and name in names.OF_DISTORTION:
+            raise UnsupportedModelError(
+                f"the distortion's model is {strict.shown(word)}, which is not known here; expected that of OpenCV "
+                "(plumb_bob, radtan) or of cv2.fisheye (fisheye, equidistant)",
+                source=tree.source,
+                place=simple[name],
+            )
+    return None
 
 
 def lifted(tree: Node) -> Node:
@@ -78,7 +96,7 @@ def shaped(tree: Node) -> Node:
             fx, fy, cx, cy = numbers
             rest = {key: value for key, value in table.items() if key not in used}
             table = {**rest, "camera_matrix": [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]}
-    if not any(COEFFICIENTS.fullmatch(simplified(key)) for key in lists):
+    if not any(VECTOR.fullmatch(simplified(key)) for key in lists):
         keys, values = _coefficients_of(tree)
         if keys:
             rest = {key: value for key, value in table.items() if key not in keys}
@@ -102,7 +120,7 @@ def lens_of(
     named = is_fisheye(by_name, tree)
     fisheye = fisheye if named is None else named
     found = next(
-        (key for key, node in tree.entries() if COEFFICIENTS.fullmatch(simplified(key)) and _is_vector(node)),
+        (key for key, node in tree.entries() if VECTOR.fullmatch(simplified(key)) and _is_vector(node)),
         None,
     )
     keys: tuple[str, ...] = () if found is None else (found,)
@@ -128,7 +146,7 @@ def _coefficients_of(tree: Node) -> tuple[tuple[str, ...], tuple[float, ...]]:
     """
     by_name = _by_name(tree)
     radial_key, tangential_key = (
-        next((name for name in names if name in by_name), None) for names in (RADIAL, TANGENTIAL)
+        next((name for name in every if name in by_name), None) for every in (names.RADIAL, names.TANGENTIAL)
     )
     if radial_key is not None and isinstance(tree[by_name[radial_key]].value, dict | list):
         radial = storage.numbers(tree[by_name[radial_key]])
@@ -160,9 +178,12 @@ def _in_order(radial: Sequence[float], tangential: Sequence[float]) -> tuple[flo
 def _focals_and_centre(tree: Node, by_name: Mapping[str, str]) -> tuple[tuple[str, ...], tuple[float, ...]]:
     """Keys and numbers of fx, fy, cx, cy: one by one, or two pairs."""
     numbered = {name for name, key in by_name.items() if _is_number(tree, key)}
-    names = [next((pair for pair in pairs if set(pair) <= numbered), None) for pairs in (FOCALS, CENTRES)]
-    if names[0] and names[1]:
-        keys = tuple(by_name[name] for name in (*names[0], *names[1]))
+    found = [
+        next((pair for pair in pairs if set(pair) <= numbered), None)
+        for pairs in (names.FOCALS, names.CENTRES)
+    ]
+    if found[0] and found[1]:
+        keys = tuple(by_name[name] for name in (*found[0], *found[1]))
         return keys, tuple(tree[key].number() for key in keys)
     pairs = [next((name for name in choices if name in by_name), None) for choices in PAIRS]
     if pairs[0] and pairs[1]:

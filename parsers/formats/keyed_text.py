@@ -51,8 +51,8 @@ from calibrary.parsers.format import (
 )
 from calibrary.parsers.formats._by_shape import lens_of
 from calibrary.parsers.formats._one_camera import native_of
-from calibrary.parsers.formats._opencv_keys import MATRIX, simplified
 from calibrary.parsers.formats._text_rows import text_of
+from calibrary.parsers.names import MATRIX, simplified
 from calibrary.records import Json, replace
 
 MAX_BYTES = 256 * 1024

@@ -7,7 +7,7 @@ In the format's own words::
     mtx dist, K D …                                                                              scipy.io.savemat
 
 The structs are MATLAB's (``_matlab_camera``), counted from (1, 1); Bouguet's variables are those of Calib_Results.m and
-count from (0, 0), as OpenCV's names (``_opencv_keys``) do. A ``calibrationSession.mat`` or a saved ``cameraParams``
+count from (0, 0), as OpenCV's names (``parsers.names``) do. A ``calibrationSession.mat`` or a saved ``cameraParams``
 holds objects, whose properties are in the file's subsystem (``_mcos``). Version 7.3 is an HDF5 file and refused with
 the lines that save the numbers.
 
@@ -24,7 +24,7 @@ from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats import bouguet_m, opencv_storage
 from calibrary.parsers.formats._mat5 import HEADER, variables
 from calibrary.parsers.formats._matlab_camera import CONVENTION, cameras
-from calibrary.parsers.formats._opencv_keys import MATRIX, simplified
+from calibrary.parsers.names import MATRIX, simplified
 from calibrary.parsers.text import shown
 from calibrary.records import Json
 

@@ -6,7 +6,7 @@ In the format's own words::
               "dist": [[0.1525, -0.5499, -0.0003, -0.0008, 0.5891]]},
      "cam1": {…}}
 
-Each name has the content of an OpenCV file, with any of its usual keys (``_opencv_keys``): K and dist, camera_matrix
+Each name has the content of an OpenCV file, with any of its usual keys (``parsers.names``): K and dist, camera_matrix
 and dist_coeff, image_size if it is known. Poses beside them are not read.
 
 Source: multiview_calib, README "intrinsics.json" and ``scripts/compute_intrinsics.py``; OpenCV, "Camera Calibration".
@@ -19,7 +19,7 @@ from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats import opencv_storage
 from calibrary.parsers.formats._json_text import loaded
-from calibrary.parsers.formats._opencv_keys import COEFFICIENTS, MATRIX, simplified
+from calibrary.parsers.names import MATRIX, VECTOR, simplified
 from calibrary.records import Json, replace
 
 MAX_CAMERAS = 1000
@@ -54,7 +54,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
 
 def _is_camera(value: Json) -> bool:
     keys = [simplified(key) for key in value] if isinstance(value, dict) and len(value) < 100 else []
-    return any(MATRIX.fullmatch(key) for key in keys) and any(COEFFICIENTS.fullmatch(key) for key in keys)
+    return any(MATRIX.fullmatch(key) for key in keys) and any(VECTOR.fullmatch(key) for key in keys)
 
 
 FORMAT = Format(

@@ -5,7 +5,7 @@ In the words of OpenCV's Python tutorial::
     ret, mtx, dist, rvecs, tvecs = cv2.calibrateCamera(…)
     np.savez("calibration.npz", mtx=mtx, dist=dist, rvecs=rvecs, tvecs=tvecs)
 
-No program defines the names, so calibrary knows all those of OpenCV's files (``_opencv_keys``): camera_matrix and
+No program defines the names, so calibrary knows all those of OpenCV's files (``parsers.names``): camera_matrix and
 dist_coeffs, K and D, mtx and dist, each with left, right or a number for one of several. calibrary reads them as the
 result of ``cv2.calibrateCamera``. It does not read poses, other arrays of more than 64 numbers, or arrays of Python
 objects: nothing is unpickled. Most files do not state the image size; ``image_size``, if present, is width and height.
@@ -31,8 +31,8 @@ from calibrary.parsers.document import Node, accounted
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats import _npy, opencv_storage
 from calibrary.parsers.formats._file_storage import LONGEST_VECTOR
-from calibrary.parsers.formats._opencv_keys import COEFFICIENTS, MATRIX, simplified
 from calibrary.parsers.formats.pinhole_json import ORIGIN, chosen_origin
+from calibrary.parsers.names import MATRIX, VECTOR, simplified
 from calibrary.parsers.text import shown
 from calibrary.records import Json, replace
 
@@ -159,9 +159,7 @@ def _value(data: bytes, name: str) -> Json:
     if text is not None:
         return text
     if not _npy.is_numeric(data):
-        if _npy.is_of_objects(data) and any(
-            kind.fullmatch(simplified(name)) for kind in (MATRIX, COEFFICIENTS)
-        ):
+        if _npy.is_of_objects(data) and any(kind.fullmatch(simplified(name)) for kind in (MATRIX, VECTOR)):
             raise ParseError(
                 "it is an array of Python objects, which is not opened because that runs whatever program is in it; "
                 "where you trust the file, save the array again as numbers: numpy.array(…, dtype=float)",

@@ -20,7 +20,7 @@ In the format's own words::
     avg_reprojection_error: 0.31
 
 The container has no schema: programs name things as they like, so the keys of OpenCV's samples and the usual variations
-of them are known (``_opencv_keys``), below one other key as well (``_by_shape``), with "left", "right" or a number
+of them are known (``parsers.names``), below one other key as well (``_by_shape``), with "left", "right" or a number
 for one of several cameras. The number of
 coefficients determines the model, as far as OpenCV's documentation states it: 5 Brown–Conrady, 8 rational, 12 thin
 prism, 14 tilted. Four are k1 k2 p1 p2 under the keys of OpenCV's calibration sample (unless it says ``fisheye_model:
@@ -34,8 +34,9 @@ Sources: OpenCV, "Camera Calibration and 3D Reconstruction"; ``samples/cpp/calib
 
 from __future__ import annotations
 
+import json
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from calibrary.calibration import Calibration, Grade, ImageSize, Intrinsics, Quality
 from calibrary.distortion import (
@@ -46,6 +47,7 @@ from calibrary.distortion import (
 )
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.interop.opencv import OPENCV_LENSES, OPENCV_MODELS
+from calibrary.parsers import names
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
@@ -61,16 +63,8 @@ from calibrary.parsers.format import (
     WriteContext,
 )
 from calibrary.parsers.formats import _file_storage as storage
-from calibrary.parsers.formats._by_shape import AROUND, shaped
-from calibrary.parsers.formats._opencv_keys import (
-    COEFFICIENTS,
-    FOREIGN_KEYS,
-    GRADE_KEY,
-    MATRIX,
-    METASHAPE_SPELLING,
-    Keys,
-    simplified,
-)
+from calibrary.parsers.formats._by_shape import AROUND, is_fisheye, shaped
+from calibrary.parsers.names import MATRIX, MIRROR, VECTOR, simplified
 from calibrary.records import Json
 from calibrary.strictjson import parse_json
 
@@ -88,8 +82,162 @@ DISTORTION = Option(
     meaning="whether four coefficients are Brown's k1 k2 p1 p2 or cv2.fisheye's k1 k2 k3 k4",
 )
 
+OWN_KEYS = frozenset({("cameramatrix", "distortioncoefficients"), ("m", "d")})
+"""Keys of OpenCV's calibration and stereo samples; their coefficients are Brown's unless stated otherwise."""
+GRADE_KEY = "calibrary_grade"
+"""Key added by calibrary, so that a derived K is not read back as a calibrated one."""
+FOREIGN_KEYS = frozenset(
+    {"calib_time", "camera_model", "distortion_model", "model_type", "projection_matrix", "sensor_type"}
+)
+"""Keys of programs that use OpenCV's container or its keys with another meaning."""
+METASHAPE_SPELLING = frozenset({"Camera_Matrix", "image_Width"})
+
 PREFIX = "opencv_storage/"
 _KEY_BELOW = re.compile(r"^[ \t]{1,20}(?:- )?([A-Za-z][\w.\-]{0,40}):", re.MULTILINE)
+
+
+class Keys:
+    """The keys of a file with their meanings; each key is used only once."""
+
+    def __init__(self, tree: Node) -> None:
+        self.tree = tree
+        self.matrices: dict[str, str] = {}
+        self.coefficients: dict[str, str] = {}
+        self.mirrors: dict[str, str] = {}
+        self.simple: dict[str, str] = {}
+        for key, node in tree.entries():
+            self.simple.setdefault(simplified(key), key)
+            for pattern, found in self._kinds(node):
+                match = pattern.fullmatch(simplified(key))
+                if match:
+                    label = match[1] or match[3] or ""
+                    if label in found:
+                        node.fail(
+                            f"it means the same as {strict.shown(found[label])}, which is stated as well"
+                        )
+                    found[label] = key
+        self.used = {*self.matrices.values(), *self.coefficients.values(), *self.mirrors.values()}
+
+    def _kinds(self, node: Node) -> Iterator[tuple[re.Pattern[str], dict[str, str]]]:
+        """Possible meanings of an entry according to its value; omnidir's xi is a number, or a 1×1 matrix."""
+        yield MIRROR, self.mirrors
+        if isinstance(node.value, dict | list):
+            yield MATRIX, self.matrices
+            yield VECTOR, self.coefficients
+
+    def take(self, simple: str) -> Node | None:
+        """The value of a key that has a single meaning in the whole file."""
+        key = self.simple.get(simple)
+        if key is None:
+            return None
+        self.used.add(key)
+        return self.tree[key]
+
+    def size(self) -> ImageSize | None:
+        """The image size of the file."""
+        for width, height in names.SIZE_PAIRS:
+            if width in self.simple and height in self.simple:
+                sides = [self.take(name) for name in (width, height)]
+                w, h = (side.number() for side in sides if side is not None)
+                return strict.image_size(w, h, source=self.tree.source)
+        both = next((node for name in names.SIZE_LISTS if (node := self._pair(name)) is not None), None)
+        if both is not None:
+            return strict.image_size(*storage.numbers(both), source=both.source, place=both.place)
+        shape = next((node for name in names.SHAPES if (node := self._pair(name, (2, 3))) is not None), None)
+        return None if shape is None else self._of_shape(shape)
+
+    def _pair(self, name: str, lengths: tuple[int, ...] = (2,)) -> Node | None:
+        """The value of a key if it is a list of so many numbers; that of an image size must be two."""
+        value = self.tree[self.simple[name]] if name in self.simple else None
+        if value is None or not isinstance(value.value, dict | list):
+            return None
+        numbers = storage.numbers(value)
+        if len(numbers) in lengths:
+            return self.take(name)
+        if name in names.SIZE_LISTS[:2]:
+            value.fail(f"{len(numbers)} numbers, expected width and height")
+        return None
+
+    def _of_shape(self, node: Node) -> ImageSize:
+        """Width and height out of numpy's rows and columns, or the other way round where K says so.
+
+        Raises:
+            ParseError: the principal point does not tell which is the width.
+        """
+        rows, columns = storage.numbers(node)[:2]
+        centres = [storage.numbers(self.tree[key]) for key in self.matrices.values()]
+        near = [
+            sum(abs(K[2] - w / 2) + abs(K[5] - h / 2) for K in centres if len(K) == 9)
+            for w, h in ((columns, rows), (rows, columns))
+        ]
+        if rows != columns and not near[0] * 2 < near[1]:
+            if not near[1] * 2 < near[0]:
+                node.fail(
+                    "rows and columns, or width and height: K does not tell which; give --image-size WxH"
+                )
+            rows, columns = columns, rows
+        return strict.image_size(columns, rows, source=node.source, place=node.place)
+
+    def quality(self) -> Quality | None:
+        """The RMS reprojection error and the number of views, as OpenCV's samples write them."""
+        rms = self.take("avgreprojectionerror") or self._root_mean_square()
+        views = self.take("nframes") or self.take("nrofframes")
+        if rms is None and views is None:
+            return None
+        for node in (rms, views):
+            if node is not None and node.number() < 0:
+                node.fail(f"{node.number():g} is less than nothing, expected a number from 0")
+        return Quality(
+            rms_px=rms.number() if rms is not None else None,
+            views=views.whole() if views is not None else None,
+        )
+
+    def _root_mean_square(self) -> Node | None:
+        """The return value of cv2.calibrateCamera, under the names from OpenCV's Python tutorial."""
+        for simple in ("rms", "ret"):
+            value = self.tree[self.simple[simple]].value if simple in self.simple else None
+            if isinstance(value, int | float) and not isinstance(value, bool):
+                return self.take(simple)
+        return None
+
+    def date(self) -> str | None:
+        """Date of the calibration, as written in the file."""
+        node = self.take("calibrationtime")
+        return None if node is None else str(node.value).strip()
+
+    def grade(self) -> Grade:
+        """The grade: calibrated, unless a file written by calibrary states another."""
+        node = self.take(simplified(GRADE_KEY))
+        if node is None:
+            return Grade.CALIBRATED
+        if node.text() not in list(Grade):
+            node.fail(f"{strict.shown(node.text())} is not a grade, expected one of {', '.join(Grade)}")
+        return Grade(node.text())
+
+    def fisheye_mark(self) -> bool | None:
+        """Whether the file states a fisheye; None if it states nothing."""
+        node = self.take("fisheyemodel")
+        if node is None:
+            return is_fisheye(self.simple, self.tree)
+        return bool(node.value if isinstance(node.value, bool) else node.whole())
+
+    def are_own(self, label: str) -> bool:
+        """Whether a matrix and its coefficients have the keys of OpenCV's own samples."""
+        names = [
+            match[2]
+            for pattern, key in ((MATRIX, self.matrices[label]), (VECTOR, self.coefficients[label]))
+            if (match := pattern.fullmatch(simplified(key)))
+        ]
+        return tuple(names) in OWN_KEYS
+
+    def extras(self, prefix: str) -> tuple[tuple[str, str], ...]:
+        """All other keys, as JSON."""
+        self.fisheye_mark()
+        return tuple(
+            (prefix + key, json.dumps(node.value, ensure_ascii=False))
+            for key, node in self.tree.entries()
+            if key not in self.used
+        )
 
 
 def sniff(content: Content) -> Sniff | None:
@@ -110,7 +258,7 @@ def sniff(content: Content) -> Sniff | None:
     matrix = next((key for name, key in simple.items() if MATRIX.fullmatch(name)), None)
     if storage_mark:
         return Sniff(Sure.SHAPE, f"{storage_mark} and it contains {matrix}") if matrix else None
-    coefficients = next((key for name, key in simple.items() if COEFFICIENTS.fullmatch(name)), None)
+    coefficients = next((key for name, key in simple.items() if VECTOR.fullmatch(name)), None)
     if not (matrix and coefficients) and content.xml_root is None and AROUND & simple.keys():
         matrix, coefficients = _nested(content)
     if matrix and coefficients:
@@ -128,7 +276,7 @@ def _nested(content: Content) -> tuple[str | None, str | None]:
     )
     found = [
         next((key for key in below if len(key) > 1 and kind.fullmatch(simplified(key))), None)
-        for kind in (MATRIX, COEFFICIENTS)
+        for kind in (MATRIX, VECTOR)
     ]
     return found[0], found[1]
 

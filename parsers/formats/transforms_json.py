@@ -34,7 +34,7 @@ from calibrary.parsers.document import Node
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._by_shape import AROUND, lens_of, lifted
 from calibrary.parsers.formats._json_text import Writable, dumped, extra, loaded, restored
-from calibrary.parsers.formats._opencv_keys import simplified
+from calibrary.parsers.names import simplified
 from calibrary.records import Json, replace
 
 CONVENTION = Convention(
