@@ -31,7 +31,6 @@ PRINTED: Final[Mapping[str, str]] = {
     "registry-check-1": "calibrary.registry.checks:CheckDocument",
     "registry-export-1": "calibrary.jobs.export.run:ExportReport",
     "undistort-1": "calibrary.jobs.undistort.run:UndistortReport",
-    "stamp-1": "calibrary.jobs.stamp.run:StampReport",
     "inspect-1": "calibrary.jobs.inspect.run:InspectReport",
     "inspect-files-1": "calibrary.jobs.inspect.run:InspectFilesReport",
     "convert-2": "calibrary.jobs.convert.run:ConvertReport",

@@ -31,7 +31,6 @@ COMMANDS: dict[str, tuple[int, str]] = {
     "extract survey --dry-run --policy source": (1, "Would K_matrix.json"),
     "check survey/a.jpg camera.xml": (1, "off DewarpData"),
     "undistort small.png --calibration small.txt --out new/flat": (0, "camera.yml undistorted"),
-    "stamp survey/a.jpg --calibration camera.xml --out new/s": (0, "camera.xml exact DewarpData stamped"),
     "calibrate --from corners.json --out new/c/lens.yml --to opencv_storage --html new/c/r.html": (
         0,
         "FIXED lens.yml",

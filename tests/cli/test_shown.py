@@ -10,7 +10,7 @@ import numpy as np
 from rich.text import Text
 
 from calibrary.calibration import Grade, Intrinsics, Quality
-from calibrary.cli import onboard, stamp
+from calibrary.cli import onboard
 from calibrary.cli.calibrate.display import _correlations, parameters
 from calibrary.cli.console import Screen
 from calibrary.cli.registry import audit
@@ -28,7 +28,6 @@ from calibrary.jobs.onboard.report import (
     RelatedEntry,
     SortedFolder,
 )
-from calibrary.jobs.stamp.run import StampedImage, StampReport
 from calibrary.records import replace
 from calibrary.registry.entry import Status
 from calibrary.validation import Finding, Severity
@@ -144,33 +143,6 @@ def test_a_draft_that_was_written_is_told_with_the_command_that_shows_it() -> No
         "note: unsigned",
         f"look at it: calibrary registry show {entry.id}@onboard/x",
         "then: calibrary registry approve --from onboard/x",
-    ]
-
-
-def test_of_stamped_images_the_worst_error_is_told_and_of_the_others_the_reason() -> None:
-    made = [
-        StampedImage(
-            file=f"{number}.jpg",
-            outcome="stamped",
-            calibration="dji/a",
-            tags=("pix4d", "dji"),
-            max_error_px=error,
-            notes=("k3 is left out",),
-        )
-        for number, error in enumerate((0.0, 0.25))
-    ]
-    left = [
-        StampedImage(file=f"{number}.tif", outcome="refused", reason="another camera") for number in (2, 3)
-    ]
-    shown = screen()
-    stamp._show(shown, StampReport(dry_run=False, tag_sets=(), images=(*made, *left)), "out")
-    assert lines(shown) == [
-        "dji/a in 2 images, up to 0.25 px off: pix4d, dji",
-        "note: k3 is left out",
-        "image outcome reason",
-        "2.tif refused another camera",
-        "3.tif refused another camera",
-        "2 of 4 images stamped into out",
     ]
 
 

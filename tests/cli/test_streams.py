@@ -94,7 +94,6 @@ REFUSED = {
         "check survey nothing.xml",
         "check survey/a.jpg",
         "undistort small.png --calibration nothing.xml",
-        "stamp survey/a.jpg --calibration camera.xml --out survey",
         "calibrate empty --board checkerboard:9x6 --square-mm 40",
         "calibrate empty --board chess:9x6 --square-mm 40",
         "calibrate rig --from corners.json",

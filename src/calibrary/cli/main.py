@@ -29,7 +29,6 @@ GROUPS = (
             ("extract", "derive and validate one K per camera from a directory of images"),
             ("check", "check whether the K that you are about to use is right for these images"),
             ("undistort", "remove lens distortion from images, and write their new K"),
-            ("stamp", "write K and distortion into copies of images, as XMP tags"),
         ),
     ),
     (

@@ -53,9 +53,9 @@ MODULES = {"list": "list_", "set": "set_"}
 DESCRIPTION = "Keep the calibrations of a fleet: one YAML file per camera, in git, with history and review."
 EXAMPLES = """\
 Every command uses the registry that is named with --registry; without it those in $CALIBRARY_REGISTRY, separated by
-";"; else the nearest registry.yaml, in this folder or above it; else your own. 'resolve', 'extract', 'check' and
-'stamp' read several, and published ones at https:// addresses; the others use the first folder. --registry none uses
-none: 'extract' and 'check' work without a registry, and without a word where none is found.
+";"; else the nearest registry.yaml, in this folder or above it; else your own. 'resolve', 'extract' and 'check'
+read several, and published ones at https:// addresses; the others use the first folder. --registry none uses none:
+'extract' and 'check' work without a registry, and without a word where none is found.
 
 KEY is make/model[/variant] in any case, as short as it is unambiguous: fc6310r, dji/fc6310r. A unit's label (P4R-03),
 its serial number and the first digits of its hash (0e25) are KEYs too; P4R-03/5472 is one of its entries.
