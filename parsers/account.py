@@ -10,16 +10,18 @@ OpenCV, npz and MATLAB files, XML, lines of keys and values. It collects the sta
 *   an unused short key beside coefficients that were used (a misspelt ``k3``).
 
 A statement is used if changing it changes what is read. Most are used in the obvious way, their numbers being those of
-the result, or their text the name of its lens; only for the others is the changed document read again. If one is not
-used, the distortion of the cameras without a lens becomes unknown, never none, and a note names the key; a file with a
-lens is refused, because its lens would not be the one that the file states.
+the result, or their text the name of its lens; only for the others is the changed document read again. One that is not
+used may be explained: it states the lens that was read once more, it is of another sensor or of the board, or the
+reader set it aside, as what another statement supersedes. If it is not explained, the distortion of the cameras without
+a lens becomes unknown, never none, and a note names the key; a file with a lens is refused, because its lens would not
+be the one that the file states.
 """
 
 from __future__ import annotations
 
 import re
 from collections import Counter, deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -31,7 +33,7 @@ from calibrary.distortion import BrownConrady, KannalaBrandt, NoDistortion
 from calibrary.errors import InputError, ParseError
 from calibrary.parsers import text as strict
 from calibrary.parsers.document import Documents, Node, keeping
-from calibrary.parsers.format import Format, ReadContext
+from calibrary.parsers.format import NOT_UNDERSTOOD, Format, ReadContext
 from calibrary.records import Json, replace
 
 MOST_NODES = 4000
@@ -87,6 +89,7 @@ _ABOUT_NUMBERS = re.compile(
     "|correl|rotat|quat|pose|position|translat|extrin|interpol|criteri|sigma|rectif).*"
 )
 """Words in keys of what is said about coefficients, or of what is none."""
+_ERRORS = re.compile("errors?|deviations?|uncertaint(?:y|ies)|covariances?|variances?")
 _ABOUT_WHAT = re.compile(rf"{_WORDS}|dist|intrin|calib|param|coef|focal|princip|(?:\A|[^a-z])[kpsb]\d")
 _BESIDE = re.compile(
     "rot|quat|orient|trans|pose|extr|proj|rect|roi|bound|box|crop|pos|colou?r|rgb|range|imu|acc|gyr|size|resol|shape|time"
@@ -94,8 +97,15 @@ _BESIDE = re.compile(
     "|rvec|tvec|corner|point|vertex|gamma|white|black|gain|expos|bodyt|tbs|tcam|tci|tic"
 )
 """In keys of other vectors that files have beside K."""
-_SHORT = re.compile(r"\w?[kp]\w?|\w?\w?\d|[kpsb]\d(?:px|x|mm|coef\w*)")
+_SHORT = re.compile(r"(?!d[xy]\d)\w?[kp]\w?|(?!d[xy]\d)\w?\w?\d|[kpsb]\d(?:px|x|mm|coef\w*)")
 """Keys that could be a misspelt coefficient, beside others."""
+_NAMED = re.compile(r"(?:camera|cam|lens|dist(?:ortion)?|radial|tangential|coef\w*?)?([kpsb]\d|xi|tau[xy])")
+"""A coefficient by the name that it has here."""
+_OF_SOMETHING_ELSE = re.compile(
+    r"(?:imu|accel(?:erometer)?|gyro(?:scope)?|mag(?:netometer)?|lidar|velodyne|laser|radar|gps|gnss|odom(?:etry)?|baro"
+    r"|(?:calib(?:ration)?)?(?:board|target|pattern)|(?:checker|chess)board|charuco)(?:s|\d+)?"
+)
+"""Tables of other sensors, and of what was photographed."""
 _MODEL_KEY = re.compile(r"(?:distort|lens|camera|projection|cam).*(?:model|type)|\Amodel(?:type)?\Z")
 _MODEL = re.compile(
     r"fish.?eye|equidist|kannala|\bkb\d?\b|rad.?tan|plumb|brown|rational|thin.?prism|tilted|omni|\bmei\b|scaramuzza"
@@ -104,7 +114,9 @@ _MODEL = re.compile(
 )
 _NAMES: dict[type, re.Pattern[str]] = {
     BrownConrady: re.compile(r"rad.?tan|plumb.?bob|brown(.?conrady)?", re.IGNORECASE),
-    KannalaBrandt: re.compile(r"equidistant|kannala.?brandt[48]?|kb4?", re.IGNORECASE),
+    KannalaBrandt: re.compile(
+        r"(opencv.?)?fish.?eye|equi(distant)?|kannala.?brandt[48]?|kb4?", re.IGNORECASE
+    ),
 }
 """Whole names that no other lens has: RealSense's inverse_brown_conrady is another."""
 
@@ -179,6 +191,11 @@ class Statement(Struct, frozen=True):
         words = [self.path[-1], text] if isinstance(text, str) and text else [self.path[-1]]
         return any(re.search(rf"(?<!\w){re.escape(word)}(?!\w)", notes) for word in words)
 
+    @property
+    def is_a_name(self) -> bool:
+        """Whether it is the name of a lens."""
+        return isinstance(self.slots[0].value, str)
+
     def __str__(self) -> str:
         values = [slot.value for slot in self.slots]
         shown = " ".join(f"{value:g}" if isinstance(value, float) else value for value in values[:4])
@@ -199,7 +216,7 @@ class Account:
         self._record = record
         self._data = data
         self._is_text = is_text
-        self.documents: Documents = {}
+        self.documents = Documents()
         self._companions: set[bytes] = set()
 
         def companion(name: str) -> bytes | None:
@@ -216,7 +233,7 @@ class Account:
         Raises:
             ParseError: the file states a part of a lens that the reader does not use.
         """
-        if not isinstance(cameras, list) or not (self.documents or self._is_text):
+        if not isinstance(cameras, list) or not (self.documents.loaded or self._is_text):
             return cameras
         bare = [item.distortion is None or isinstance(item.distortion, NoDistortion) for item in cameras]
         unused = self._unused(cameras, is_bare=any(bare))
@@ -225,29 +242,45 @@ class Account:
         listed = ", ".join(map(str, unused[:SHOWN])) + (", …" if len(unused) > SHOWN else "")
         if any(bare):
             note = f"not understood, so the distortion is unknown: {listed}"
+            stated = (NOT_UNDERSTOOD, listed)
             return [
-                replace(item, distortion=None, notes=(*item.notes, note)) if is_bare else item
+                replace(item, distortion=None, notes=(*item.notes, note), extras=(*item.extras, stated))
+                if is_bare
+                else item
                 for item, is_bare in zip(cameras, bare, strict=True)
             ]
+        raise ParseError(self._remedy(unused, cameras), place=listed)
+
+    def _remedy(self, unused: Sequence[Statement], cameras: Sequence[Calibration]) -> str:
+        """What could be a part of the lens, and what to do about it."""
+        title = self._record.title
+        if all(one.is_a_name for one in unused):
+            models = ", ".join(dict.fromkeys(item.distortion.model for item in cameras if item.distortion))
+            return (
+                f"it names a lens where {title} has no place for a name, and without it the lens was read as {models}; "
+                f"state the model where {title} does if it is another, or remove the name if it is not"
+            )
         names = self._record.convention.coefficients if self._record.convention is not None else ()
         expected = f"; expected {', '.join(names)}" if names else ""
-        raise ParseError(
-            f"it could be a part of the lens, and is nothing that {self._record.title} has{expected}: rename it, or "
-            "remove it",
-            place=listed,
+        return (
+            f"it could be a part of the lens, and is nothing that {title} has{expected}: give it the name of the one "
+            "that it is, or remove it if it is none"
         )
 
     def _unused(self, cameras: Sequence[Calibration], *, is_bare: bool) -> list[Statement]:
         """The statements that could be geometry, on which no camera depends and of which no note speaks."""
         focals = {number for item in cameras for number in (item.intrinsics.fx, item.intrinsics.fy)}
         groups: dict[tuple[str, ...], list[Statement]] = {}
+        aside = {*map(id, self.documents.aside)}
         for document in self._documents():
-            for statement in _statements_of(document, focals, is_bare=is_bare):
+            for statement in _statements_of(document, focals, aside, is_bare=is_bare):
                 groups.setdefault(statement.path, []).append(statement)
         known = _explained(cameras, groups.values())
+        lens = _only_lens(cameras)
         unsure: list[tuple[Statement, list[list[_Slot]]]] = []
         for statements in groups.values():
-            slots = [slot for one in statements for slot in one.slots if not slot.holds_one_of(known)]
+            others = [one for one in statements if not _states_again(one, lens)]
+            slots = [slot for one in others for slot in one.slots if not slot.holds_one_of(known)]
             if slots:
                 unsure.append((statements[0], [slots] if len(statements) > 1 else [[slot] for slot in slots]))
         before = [_numbers_of(item) for item in cameras] if unsure else []
@@ -288,7 +321,7 @@ class Account:
     def _documents(self) -> list[object]:
         """Of each loader the first document; the next ones are of the text with another ending, or companions."""
         found: dict[str, object] = {}
-        for (loader, data), document in self.documents.items():
+        for (loader, data), document in self.documents.loaded.items():
             if data not in self._companions:
                 found.setdefault(loader, document)
         return list(found.values()) or ([_Lines(self._data)] if self._is_text else [])
@@ -312,6 +345,22 @@ def _explained(cameras: Sequence[Calibration], groups: Iterable[Sequence[Stateme
     if len(kinds) == 1 and (name := _NAMES.get(kinds.pop())):
         known |= {value for value in values if isinstance(value, str) and name.fullmatch(value.strip("\"' "))}
     return known
+
+
+def _states_again(statement: Statement, lens: Mapping[str, float]) -> bool:
+    """Whether it states one coefficient of a lens under its own name, or several, and nothing else."""
+    values = [slot.value for slot in statement.slots if slot.value]
+    if len(values) == 1:
+        name = _NAMED.fullmatch(_SEPARATORS.sub("", statement.path[-1]).lower())
+        return name is not None and lens.get(name[1]) == values[0]
+    return len({*values}) > 1 and not Counter(values) - Counter[float | str](lens.values())
+
+
+def _only_lens(cameras: Sequence[Calibration]) -> Mapping[str, float]:
+    """The coefficients of the lens of all cameras; none if they differ, as a camera's would be another's again."""
+    first = cameras[0].distortion if cameras else None
+    is_only = first is not None and all(item.distortion == first for item in cameras)
+    return first.coefficients if first is not None and is_only else {}
 
 
 def _numbers_of(item: Calibration) -> Calibration:
@@ -358,12 +407,15 @@ NOTHING = _Kind(scalar=False, vector=False, model=False, short=False, table=Fals
 ASIDE = replace(NOTHING, beside=True)
 
 
-def _statements_of(document: object, focals: set[float], *, is_bare: bool) -> list[Statement]:
+def _statements_of(
+    document: object, focals: set[float], aside: set[int], *, is_bare: bool
+) -> list[Statement]:
     """The statements of a document that could be geometry.
 
     Args:
         document: a tree, an XML document or a text.
         focals: focal lengths of the cameras, px, to know K by.
+        aside: identities of the containers that are passed over.
         is_bare: whether a camera has no lens, so that an unnamed vector beside K could be it.
     """
     found: list[Statement] = []
@@ -371,7 +423,7 @@ def _statements_of(document: object, focals: set[float], *, is_bare: bool) -> li
     short: list[Statement] = []
     near_K: set[tuple[str, ...]] = set()
     near_lens: set[tuple[str, ...]] = set()
-    for path, kind, in_a_lens, slots in _entries(document, is_bare=is_bare):
+    for path, kind, in_a_lens, slots in _entries(document, aside, is_bare=is_bare):
         values = [slot.value for slot in slots]
         first = values[0]
         if isinstance(first, str):
@@ -403,7 +455,7 @@ def _standing(kind: _Kind, count: int, *, in_a_lens: bool, is_bare: bool) -> str
 
 
 def _entries(
-    document: object, *, is_bare: bool
+    document: object, aside: set[int], *, is_bare: bool
 ) -> Iterator[tuple[tuple[str, ...], _Kind, bool, list[_Slot]]]:
     """Every number, text and vector that matters: its keys, whether one above names a lens, its places."""
     if isinstance(document, _Lines):
@@ -420,7 +472,7 @@ def _entries(
         for key, name, value in _children(holder):
             left -= 1
             deeper, own = (path, kind) if name is None else ((*path, name), _kind_of(name))
-            if own is None:
+            if own is None or id(value) in aside:
                 continue
             found = _places(holder, key, value, own, is_wanted=is_bare or in_a_lens)
             if found is None:
@@ -501,7 +553,11 @@ def _slots(holder: Any, key: Any) -> list[_Slot]:
 def _kind_of(key: str) -> _Kind | None:
     """What a key could be; None for one of what is said about coefficients, and for what is none."""
     simple = _SEPARATORS.sub("", key).lower()
+    if _OF_SOMETHING_ELSE.fullmatch(simple):
+        return None
     words = _WORD.findall(key)
+    if words and _ERRORS.fullmatch(words[-1].lower()):
+        return None
     if any(_ABOUT_NUMBERS.fullmatch(word.lower()) for word in words):
         return ASIDE if len(words) > 1 and not _ABOUT_WHAT.search(simple) else None
     return _Kind(
@@ -515,9 +571,11 @@ def _kind_of(key: str) -> _Kind | None:
 
 
 def _could_be_a_lens(values: Sequence[float]) -> bool:
-    """Whether a vector is not a rotation, a quaternion or a pose."""
+    """Whether a vector is not a rotation, a quaternion, a pose, a camera matrix or a projection."""
     numbers = np.array(values)
     if np.abs(numbers).max() > LARGEST:
+        return False
+    if len(values) in {9, 12} and np.array_equal(numbers.reshape(3, -1)[2, :3], [0.0, 0.0, 1.0]):
         return False
     rows = numbers.reshape(3, -1)[:, :3] if len(values) in {9, 12} else numbers[None, :4]
     return bool(np.abs(np.square(rows).sum(axis=1) - 1).max() > TURNED)

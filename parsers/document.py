@@ -13,9 +13,9 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import wraps
-from typing import Any, Concatenate, NoReturn, ParamSpec, TypeAlias, TypeVar
+from typing import Any, Concatenate, NoReturn, ParamSpec, TypeVar
 
-from msgspec import Struct
+from msgspec import Struct, field
 
 from calibrary.calibration import ImageSize
 from calibrary.errors import ParseError
@@ -25,8 +25,19 @@ from calibrary.strictjson import parse_json
 
 P = ParamSpec("P")
 T = TypeVar("T")
-Documents: TypeAlias = dict[tuple[str, bytes], Any]
-"""Documents that a reading loads, by the name of the loader and the bytes; what each is, its loader knows."""
+
+
+class Documents(Struct):
+    """What a reading loads.
+
+    Attributes:
+        loaded: documents by the name of the loader and the bytes; what each is, its loader knows.
+        aside: tables, lists and elements of them that the reader set aside.
+    """
+
+    loaded: dict[tuple[str, bytes], Any] = field(default_factory=dict)
+    aside: list[object] = field(default_factory=list)
+
 
 _KEPT: ContextVar[Documents | None] = ContextVar("_KEPT", default=None)
 
@@ -41,6 +52,16 @@ def keeping(documents: Documents) -> Iterator[None]:
         _KEPT.reset(token)
 
 
+def set_aside(*containers: object) -> None:
+    """Say of tables, lists or elements of a document that nothing in them is of the cameras that are read.
+
+    A reader says so of what another statement supersedes, and of other sensors; the account passes over them.
+    """
+    documents = _KEPT.get()
+    if documents is not None:
+        documents.aside += containers
+
+
 def accounted(load: Callable[Concatenate[bytes, P], T]) -> Callable[Concatenate[bytes, P], T]:
     """Decorate a loader. One that calls another stands for both."""
 
@@ -51,14 +72,14 @@ def accounted(load: Callable[Concatenate[bytes, P], T]) -> Callable[Concatenate[
             return load(data, *args, **kwargs)
         key = (load.__name__, data)
         found: T
-        if key in documents:
-            found = documents[key]
+        if key in documents.loaded:
+            found = documents.loaded[key]
             return found
-        before = len(documents)
+        before = len(documents.loaded)
         found = load(data, *args, **kwargs)
-        for inner in list(documents)[before:]:
-            del documents[inner]
-        documents[key] = found
+        for inner in list(documents.loaded)[before:]:
+            del documents.loaded[inner]
+        documents.loaded[key] = found
         return found
 
     return loaded

@@ -21,7 +21,7 @@ from calibrary.distortion import Distortion, NoDistortion, SplinedStereographic,
 from calibrary.distortion.base import perspective
 from calibrary.distortion.inverse_model import InverseModel
 from calibrary.errors import InputError, UnsupportedModelError
-from calibrary.parsers.format import Capacity, Fit, UnknownLens
+from calibrary.parsers.format import NOT_UNDERSTOOD, Capacity, Fit, UnknownLens
 from calibrary.records import replace
 
 DEFAULT_MAX_ERROR_PX = 0.05
@@ -259,7 +259,7 @@ def adapt(
     holds_k = of_k is None or of_k.max_px <= min(max_error_px, DEFAULT_MAX_ERROR_PX)
     if distortion is None or not capacity.has_lens:
         lens = (
-            _unknown(capacity, drop_distortion=drop_distortion)
+            _unknown(calibration, capacity, drop_distortion=drop_distortion)
             if distortion is None
             else _none(calibration, capacity, max_error_px, drop_distortion=drop_distortion)
         )
@@ -289,14 +289,21 @@ def adapt(
     )
 
 
-def _unknown(capacity: Capacity, *, drop_distortion: bool) -> Distortion | None:
+def _unknown(calibration: Calibration, capacity: Capacity, *, drop_distortion: bool) -> Distortion | None:
     """What is written of a distortion that is unknown.
 
     Raises:
-        UnsupportedModelError: the file would say that there is none, and the user does not say so.
+        UnsupportedModelError: the file would say that there is none, or the calibration's own states one, and the user
+            does not say so.
     """
     if capacity.unknown_lens is UnknownLens.STATED:
         return None
+    stated = dict(calibration.extras).get(NOT_UNDERSTOOD)
+    if stated is not None and not drop_distortion:
+        raise UnsupportedModelError(
+            f"the file states a distortion that was not understood, {stated}, and it would be lost; state it in the "
+            f"format's own words, or give {YOUR_WORD} to write K without it"
+        )
     if capacity.unknown_lens is UnknownLens.FREE:
         free = next(model for model in capacity.models if model.names())
         return free(**dict.fromkeys(free.names(), 0.0))

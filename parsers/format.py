@@ -331,6 +331,9 @@ class Format(Struct, frozen=True, kw_only=True):
 
 FREE_LENS: Final = "that the distortion is unknown (its coefficients are zero, for the program to find)"
 UNKNOWN_LENS: Final = "that the distortion is unknown (the file says that there is none)"
+NOT_UNDERSTOOD: Final = "parsers/not_understood"
+"""Among a calibration's extras, what its file states of a lens that was not understood."""
+LOST_LENS: Final = "the distortion that the file states and that was not understood"
 LOST_PX: Final = 0.0005
 """Least displacement by a distortion that is a loss."""
 
@@ -401,7 +404,9 @@ def in_words(
         dropped: data that was not written.
         lost_px: how far the distortion that was not written moves pixels, at most, together with what K lost.
     """
-    if outcome is Fidelity.K_ONLY:
+    if LOST_LENS in dropped:
+        head = f"K only ({max_px:.3f} px)"
+    elif outcome is Fidelity.K_ONLY:
         what = (
             "distortion of up to {:.4g} px is lost"
             if max_px <= LOST_PX

@@ -20,6 +20,8 @@ from calibrary.parsers.files import MAX_BYTES
 from calibrary.parsers.fit import DEFAULT_MAX_ERROR_PX, EXACT, accepted_with, adapt, compare
 from calibrary.parsers.format import (
     FREE_LENS,
+    LOST_LENS,
+    NOT_UNDERSTOOD,
     STATED,
     UNKNOWN_LENS,
     Fit,
@@ -262,7 +264,9 @@ def _losses(original: Calibration, copy: Calibration, record: Format) -> Iterato
     if copy.grade is not original.grade:
         yield f"grade {original.grade.value} (the file reads as {copy.grade.value})"
     extras = dict(copy.extras)
-    yield from (key for key, value in original.extras if extras.get(key) != value)
+    for key, value in original.extras:
+        if extras.get(key) != value:
+            yield LOST_LENS if key == NOT_UNDERSTOOD else key
 
 
 def _lost_lens(original: Calibration, copy: Calibration, record: Format) -> Iterator[str]:

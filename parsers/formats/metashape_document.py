@@ -36,6 +36,7 @@ from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.errors import InputError, ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
+from calibrary.parsers.document import set_aside
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats import agisoft_xml
 from calibrary.parsers.formats.agisoft_xml import COVARIANCE, read_covariance, read_elements
@@ -52,6 +53,9 @@ MAX_SENSORS = 1_000_000
 MAX_ELEMENTS = 256
 """In one calibration; Metashape writes twenty."""
 PREFIX = "metashape_document/"
+SUPERSEDED = (
+    "the calibration that the project started from stands in the file as well; this is the adjusted one"
+)
 HELD = "the calibration that the project was given and held fixed"
 START = "the value that the project started from; no photo was aligned with it, and it may rest on EXIF alone"
 
@@ -123,6 +127,7 @@ class _Sensor(NamedTuple):
             place = f"{self.place}, {error.place}" if error.place else self.place
             raise type(error)(error.message, source=context.name, place=place) from None
         held = (self._property("fixed") or "").lower() in {"true", "1"}
+        said = [HELD if held else START] if initial else [SUPERSEDED] if self._superseded(chosen) else []
         return replace(
             single,
             camera=CameraKey(
@@ -131,7 +136,7 @@ class _Sensor(NamedTuple):
             grade=Grade.DERIVED if initial and not held else Grade.ADJUSTED,
             quality=quality,
             provenance=context.provenance(tag=self.place, date=single.provenance.date, tool=tool),
-            notes=(*single.notes, *([HELD if held else START] if initial else [])),
+            notes=(*single.notes, *said),
             extras=tuple(
                 (PREFIX + key.removeprefix(agisoft_xml.PREFIX), value) for key, value in single.extras
             ),
@@ -147,7 +152,13 @@ class _Sensor(NamedTuple):
                     f"two calibrations are {strict.shown(kind)}", source=source, place=self.place
                 )
             by_class[kind] = element
-        return by_class.get("adjusted", by_class.get("initial"))
+        chosen = by_class.get("adjusted", by_class.get("initial"))
+        set_aside(*self._superseded(chosen))
+        return chosen
+
+    def _superseded(self, chosen: _Element | None) -> list[_Element]:
+        """The sensor's other calibrations."""
+        return [other for other in self.element.iterchildren("calibration") if other is not chosen]
 
     def _as_children(self, calibration: _Element) -> Iterator[_Element]:
         """What a calibration file of its own would have, without the covariance."""

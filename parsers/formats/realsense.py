@@ -40,6 +40,7 @@ from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
+from calibrary.parsers.formats import _file_storage as storage
 from calibrary.parsers.formats._json_text import loaded
 from calibrary.parsers.formats._opencv_lens import lens
 from calibrary.records import Json
@@ -54,6 +55,8 @@ INVERSE = Option(
     values=("distorted-to-undistorted", "undistorted-to-distorted"),
     meaning="which way Inverse Brown Conrady maps: as it is documented, or as newer versions of rsutil.h use it",
 )
+FULL = 5
+UNNAMED = "the file names no model, so Brown Conrady was taken, with librealsense's order k1 k2 p1 p2 k3"
 SHAPE = frozenset({"ppx", "ppy", "fx", "fy"})
 
 _RECTIFIED = re.compile(r"rectified\.(\d+)\.fx")
@@ -142,14 +145,15 @@ def _stream(name: str | None, node: Node, context: ReadContext) -> Calibration:
     stated = node.image_size("width", "height") if "width" in node or "height" in node else None
     size = context.size(stated)
     coefficients = node.get("coeffs") or node.get("coefficients")
+    values = storage.numbers(coefficients) if coefficients is not None else ()
     model = node.get("model")
-    if model is None:
-        distortion = None
-    else:
-        values = coefficients.numbers() if coefficients is not None else ()
+    distortion: Distortion | None = None
+    notes: tuple[str, ...] = ()
+    if model is not None:
         distortion = _distortion(model, values, context)
-    tag = node.place
-    return _camera(name, _focal(node, ""), size, distortion, context, tag=tag, notes=())
+    elif len(values) == FULL:
+        distortion, notes = lens(values), (UNNAMED,)
+    return _camera(name, _focal(node, ""), size, distortion, context, tag=node.place, notes=notes)
 
 
 def _focal(node: Node, prefix: str) -> Native:

@@ -18,7 +18,9 @@ In the format's own words::
     projection_matrix: …                                         # P, of the rectified camera
 
 The message itself, as ``rostopic echo`` prints it, has ``width``, ``height`` and K, D, R, P at the top (k, d,
-r, p in ROS 2). K and D belong to the image as it was taken; P belongs to the rectified one and is never K.
+r, p in ROS 2), and as many times as it was sent: equal messages are one camera. Some programs name the lens under
+``camera_model``, or write OpenCV's first line above the file. K and D belong to the image as it was taken; P belongs to
+the rectified one and is never K.
 ROS's own parser refuses a file without R and P; for an unrectified camera they are the identity and [K | 0].
 
 Sources: ``sensor_msgs/CameraInfo.msg``; ROS ``camera_calibration_parsers``, ``parse_yml.cpp``.
@@ -38,7 +40,7 @@ from calibrary.errors import UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
-from calibrary.parsers.document import Node, accounted
+from calibrary.parsers.document import Node, accounted, set_aside
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._bound_extras import bound, unbound
 from calibrary.parsers.formats._file_storage import YAML_TAGS
@@ -46,6 +48,7 @@ from calibrary.parsers.formats._json_text import restored
 from calibrary.parsers.formats._opencv_lens import COUNTS, lens
 from calibrary.parsers.formats._text_rows import text_of
 from calibrary.parsers.formats._yaml_text import flow, scalar
+from calibrary.records import Json
 from calibrary.strictyaml import load_yaml
 
 CONVENTION = Convention(
@@ -55,8 +58,17 @@ CONVENTION = Convention(
 )
 FISHEYES = frozenset({"equidistant", "fisheye"})
 BY_COUNT = {"plumb_bob": (0, 4, 5), "rational_polynomial": COUNTS}
+MODEL_KEYS = ("distortion_model", "camera_model", "lens_model", "lens_type")
+"""Of the name of the lens; behind the first, which alone is ROS's, may also stand a word that is no lens."""
+BROWNS = 5
+MAX_MESSAGES = 1000
 PREFIX = "ros_camera_info/"
 MAX_BYTES = 256 * 1024
+
+
+_DIRECTIVE = re.compile(r"\A%YAML[^\n]*\n")
+_NEXT = re.compile(r"^---[ \t\r]*$", re.MULTILINE)
+"""`rostopic echo` ends every message with the mark that begins the next."""
 
 
 class Spelling(Struct, frozen=True):
@@ -94,8 +106,27 @@ def sniff(content: Content) -> Sniff | None:
 
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
-    """The one camera of the file."""
+    """The camera of the file, or of every message that differs from the others."""
     tree = _tree(data, context.name)
+    if isinstance(tree.value, dict):
+        return [_camera(tree, context, None)]
+    first: dict[str, Node] = {}
+    for message in tree.items():
+        told = {key: value for key, value in message.entries() if key != "header"}
+        if first.setdefault(repr({key: node.value for key, node in told.items()}), message) is not message:
+            set_aside(message.value)
+    several = len(first) > 1
+    return [_camera(node, context, _frame(node) if several else None) for node in first.values()]
+
+
+def _frame(message: Node) -> str:
+    """The name of the camera of a message among others."""
+    header = message.get("header")
+    frame = header.get("frame_id") if header is not None else None
+    return frame.text() if frame is not None else str(message.place)
+
+
+def _camera(tree: Node, context: ReadContext, name: str | None) -> Calibration:
     spelled = next((item for item in SPELLINGS if item.K in tree), SPELLINGS[0])
     size = context.size(tree.image_size(spelled.width, spelled.height))
     intrinsics = CONVENTION.intrinsics(_native(tree[spelled.K]), size)
@@ -105,15 +136,15 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     if intrinsics.skew:
         notes.append(f"skew of {intrinsics.skew:g} px was kept; ROS's image_geometry does not look at it")
     notes += _partial_frame(tree)
-    return [
-        context.calibration(
-            intrinsics,
-            distortion,
-            assumptions=tuple(assumptions),
-            notes=tuple(notes),
-            extras=tuple(_extras(tree, spelled, intrinsics, distortion)),
-        )
-    ]
+    return context.calibration(
+        intrinsics,
+        distortion,
+        name=name,
+        tag=tree.place,
+        assumptions=tuple(assumptions),
+        notes=tuple(notes),
+        extras=tuple(_extras(tree, spelled, intrinsics, distortion)),
+    )
 
 
 def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
@@ -145,13 +176,17 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
 
 @accounted
 def _tree(data: bytes, source: str) -> Node:
-    text = text_of(data, source=source, most=MAX_BYTES)
-    # `rostopic echo` ends every message with the mark that begins the next.
-    text = re.sub(r"\n---[ \t]*(?:\r?\n)*\Z", "\n", text)
-    tree = Node(load_yaml(text, source=source, ignored_tags=YAML_TAGS), source=source)
-    if not isinstance(tree.value, dict):
-        tree.fail("this is not a mapping, as a camera_info is")
-    return tree
+    """The file, or the list of the messages if there are several."""
+    text = _DIRECTIVE.sub("\n", text_of(data, source=source, most=MAX_BYTES))
+    found: list[Json] = []
+    lines = 0
+    for part in _NEXT.split(text, MAX_MESSAGES):
+        if part.strip():
+            found.append(load_yaml("\n" * lines + part, source=source, ignored_tags=YAML_TAGS))
+            if not isinstance(found[-1], dict):
+                Node(found[-1], source=source).fail("this is not a mapping, as a camera_info is")
+        lines += part.count("\n")
+    return Node(found[0] if len(found) == 1 else found, source=source)
 
 
 def _values(node: Node) -> Node:
@@ -169,8 +204,7 @@ def _native(node: Node) -> Native:
 def _distortion(tree: Node, spelled: Spelling, *, notes: list[str], assumptions: list[str]) -> Distortion:
     node = tree[spelled.D]
     values = _values(node).numbers()
-    named = tree.get("distortion_model")
-    model = named.text() if named is not None else ""
+    model = _named(tree)
     if not model:
         model = "plumb_bob"
         assumptions.append("the file names no distortion model, so plumb_bob was taken, as ROS does")
@@ -189,7 +223,18 @@ def _distortion(tree: Node, spelled: Spelling, *, notes: list[str], assumptions:
             source=tree.source,
             place="distortion_model",
         )
+    if model == "plumb_bob" and len(values) in COUNTS and not any(values[BROWNS:]):
+        values = values[:BROWNS]
     return lens(_counted(values, BY_COUNT[model], node, model))
+
+
+def _named(tree: Node) -> str:
+    """The name of the lens; empty if there is none."""
+    for key in MODEL_KEYS:
+        word = tree.get(key)
+        if word is not None and (key == MODEL_KEYS[0] or word.value in (*FISHEYES, *BY_COUNT)):
+            return word.text()
+    return ""
 
 
 def _declared(node: Node) -> int:

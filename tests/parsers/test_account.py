@@ -12,7 +12,8 @@ import pytest
 from calibrary import parsers
 from calibrary.calibration import Calibration
 from calibrary.distortion import NoDistortion
-from calibrary.errors import ParseError
+from calibrary.errors import ParseError, UnsupportedModelError
+from calibrary.parsers.format import LOST_LENS
 from tests.parsers.mutants import LOST, mutated
 from tests.thorough import examples
 
@@ -172,3 +173,57 @@ def test_no_file_of_any_format_loses_its_lens_by_a_changed_key_or_value() -> Non
     found = list(mutated(examples(150), seed=2024))
     assert {outcome for _, _, outcome in found} >= {"refused", "the same", "unknown, named"}
     assert [(name, what) for name, what, outcome in found if outcome == LOST] == []
+
+
+STATED = "distortion: {k1: -0.1131, k2: 0.0247, p1: 0.0002, p2: -0.0004}\n"
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        STATED,
+        "distortion_vector: [-0.1131, 0.0247, 0.0002, -0.0004, 0.0]\n",
+        "radial: [-0.1131, 0.0247]\ntangential: [0.0002, -0.0004]\n",
+        "imu: {k1: 0.0123, distortion: [0.1, 0.2]}\n",
+        "board: {k1: 0.0123, dx: 30.5}\n",
+        "dX_1: 30.5\n",
+        "estimationErrors: {radialDistortion: [0.0123, 0.0031]}\n",
+    ],
+)
+def test_what_states_the_lens_again_or_is_of_something_else_changes_nothing(more: str) -> None:
+    assert read(ROS + more, "camera.yaml")[0].distortion == read(ROS, "camera.yaml")[0].distortion
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        STATED.replace("0.0247", "0.0248"),
+        STATED.replace("k2", "my_k2").replace("0.0247", "0.0248"),
+        "radial: [-0.1131, -0.0247]\n",
+    ],
+)
+def test_what_states_another_lens_is_refused(more: str) -> None:
+    with pytest.raises(ParseError, match="could be a part of the lens"):
+        read(ROS + more, "camera.yaml")
+
+
+def test_the_remedy_for_a_name_of_another_lens_is_to_state_the_model() -> None:
+    with pytest.raises(ParseError, match=r"camera_model.*read as brown; state the model where ROS"):
+        read(ROS + "camera_model: fisheye\n", "camera.yaml")
+
+
+def test_projections_and_camera_matrices_beside_k_are_no_lens() -> None:
+    more = {"P": [[900.5, 0.0, 640.5, 0.0], [0.0, 900.5, 360.5, 0.0], [0.0, 0.0, 1.0, 0.0]]}
+    [item] = read(
+        {**TRANSFORMS, "warped": more["P"], "new_mtx": [[900.5, 0, 640.5], [0, 900.5, 360.5], [0, 0, 1]]}
+    )
+    assert item.distortion == NoDistortion()
+
+
+def test_a_lens_that_was_not_understood_is_written_as_none_only_on_request() -> None:
+    cameras = read({**TRANSFORMS, "warp": [-0.1131, 0.0247, 0.0002, -0.0004]})
+    with pytest.raises(UnsupportedModelError, match=r"'warp' \(-0\.1131 .*would be lost.*--drop-distortion"):
+        parsers.encode(cameras, "colmap_text")
+    _, verdict = parsers.encode(cameras, "colmap_text", drop_distortion=True)
+    assert LOST_LENS in verdict.dropped
+    assert str(verdict).startswith("K only")

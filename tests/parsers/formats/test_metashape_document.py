@@ -69,10 +69,12 @@ def test_a_sensor_is_what_saving_its_calibration_gives() -> None:
 
 
 def test_the_adjusted_calibration_goes_before_the_initial_one() -> None:
-    [item] = read(document(sensor(calibration("<f>3600</f>", "initial"), calibration())))
+    initial = calibration("<f>3600</f><k1>-0.1126</k1><k2>0.0251</k2>", "initial")
+    [item] = read(document(sensor(initial, calibration())))
     assert item.intrinsics.fy == 3650.7
+    assert item.distortion == read(document(sensor(calibration())))[0].distortion
     assert item.grade is Grade.ADJUSTED
-    assert item.notes == ()
+    assert "started from" in item.notes[0]
 
 
 def test_an_initial_calibration_that_was_held_is_a_known_one() -> None:

@@ -140,11 +140,17 @@ def test_several_streams_are_read_with_their_names(document: Json) -> None:
     assert [item.camera.sub_camera for item in cameras] in (["color", "depth"], ["[0]", "[1]"])
 
 
-def test_what_is_not_said_is_asked_for_or_unknown() -> None:
-    bare: Json = {key: value for key, value in STREAM.items() if key not in {"width", "height", "model"}}
+def test_a_size_that_is_not_stated_is_asked_for() -> None:
     with pytest.raises(MissingTagError, match="--image-size"):
-        read(bare)
-    assert read(bare, (1280, 720))[0].distortion is None
+        read({key: value for key, value in STREAM.items() if key not in {"width", "height"}})
+
+
+def test_without_a_model_the_coefficients_are_brown_conradys_and_that_is_said() -> None:
+    unnamed: Json = {key: value for key, value in STREAM.items() if key != "model"}
+    [item] = read({"color": {**unnamed, "coeffs": [STREAM["coeffs"]]}})
+    assert item.distortion == read(STREAM)[0].distortion
+    assert "names no model" in item.notes[0]
+    assert read({**unnamed, "coeffs": []})[0].distortion is None
 
 
 @pytest.mark.parametrize(

@@ -120,6 +120,45 @@ def test_fisheye_is_another_word_for_equidistant() -> None:
     assert read(file("equidistant", D)).distortion == read(file("fisheye", D)).distortion == lens
 
 
+@pytest.mark.parametrize("word", ["equidistant", "fisheye"])
+def test_a_lens_may_be_named_as_the_cameras_model(word: str) -> None:
+    D = (0.0313, -0.0072, 0.0041, -0.0011)
+    text = file("equidistant", D).replace("distortion_model: equidistant", f"camera_model: {word}")
+    assert read(text).distortion == read(file("equidistant", D)).distortion
+
+
+def test_a_camera_model_that_is_no_lens_is_none() -> None:
+    assert (
+        read(file().replace("distortion_model: plumb_bob", "camera_model: pinhole")).distortion
+        == read(file()).distortion
+    )
+
+
+def test_zeros_behind_five_coefficients_of_plumb_bob_are_no_other_model() -> None:
+    assert read(file(D=(*BROWN5, 0.0, 0.0, 0.0))).distortion == read(file()).distortion
+    with pytest.raises(ParseError, match="8 coefficients for plumb_bob"):
+        read(file(D=(*BROWN5, 0.0, 0.0, 0.1)))
+
+
+def test_a_message_that_was_sent_again_is_one_camera() -> None:
+    assert read(message() + message().replace("secs: 1", "secs: 2")).intrinsics == read(message()).intrinsics
+
+
+def test_messages_of_several_cameras_are_named_by_their_frames() -> None:
+    other = message().replace("1733.2", "1740.1").replace("front", "rear")
+    cameras = parsers.decode((message() + other + message()).encode(), name="front.yaml")
+    assert [(item.camera.sub_camera, item.intrinsics.fx) for item in cameras] == [
+        ("front", 1733.2),
+        ("rear", 1740.1),
+    ]
+
+
+def test_the_first_line_of_an_opencv_file_is_passed_over() -> None:
+    assert read("%YAML:1.0\n---\n" + file()).intrinsics == read(file()).intrinsics
+    with pytest.raises(ParseError, match="line 23"):
+        read("%YAML:1.0\n" + file() + "camera_name: again\n")
+
+
 @pytest.mark.parametrize("D", [(), (0.0,) * 5, (0.0,) * 4])
 def test_coefficients_that_are_all_zero_or_absent_are_no_distortion(D: tuple[float, ...]) -> None:
     assert read(file(D=D)).distortion == NoDistortion()

@@ -24,6 +24,7 @@ from calibrary.jobs.files import choose, read_file
 from calibrary.jobs.fleet import Details
 from calibrary.jobs.layers.catalogue_entries import KIND, catalogue_entries
 from calibrary.jobs.weigh.entries import contradictions
+from calibrary.parsers.format import NOT_UNDERSTOOD
 from calibrary.parsers.imagery import read_metadata
 from calibrary.parsers.reading import refuse_implausible
 from calibrary.progress import log
@@ -303,6 +304,13 @@ def _from_calibration(calibration: Calibration, source: _Source, said: Said) -> 
     A file's extras may contain serial numbers and names of people or folders, so none of them is imported.
     """
     warnings = []
+    stated = dict(calibration.extras).get(NOT_UNDERSTOOD)
+    if stated is not None:
+        raise InputError(
+            f"the file states a distortion that was not understood, {stated}; an entry of K alone would lose it: state "
+            "it in the format's own words",
+            source=source.name,
+        )
     if calibration.extras:
         names = ", ".join(sorted({name for name, _ in calibration.extras})[:6])
         warnings.append(f"fields of the file that only its program uses stay out of the entry: {names}")
