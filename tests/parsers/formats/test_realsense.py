@@ -146,7 +146,7 @@ def test_a_size_that_is_not_stated_is_asked_for() -> None:
 
 
 def test_without_a_model_the_coefficients_are_brown_conradys_and_that_is_said() -> None:
-    unnamed: Json = {key: value for key, value in STREAM.items() if key != "model"}
+    unnamed = {key: value for key, value in STREAM.items() if key != "model"}
     [item] = read({"color": {**unnamed, "coeffs": [STREAM["coeffs"]]}})
     assert item.distortion == read(STREAM)[0].distortion
     assert "names no model" in item.notes[0]
