@@ -1,6 +1,6 @@
 """Whether the standard deviations of cameras from flights hold, and whether flights that determine none are reported.
 
-    python -m benchmarks.flights [--sets N] [--only WORD] [--points | --faults | --unseen | --season N]
+    python -m benchmarks.flights [--sets N] [--only WORD] [--points | --faults | --unseen]
 
 Flights of a known camera as tracks, with normal noise, outliers and positions that drift, nothing rendered. Of each
 the true error of fx, fy, cx and cy is divided by the σ × κ that it states: z. Wanted: at least 95 % of the flights
@@ -12,7 +12,6 @@ antenna up to 15 cm ahead and aside, heights up to 0.4 % off, a shutter that rea
 of up to 0.3 px. The truth is then the model's camera nearest to the rippled one.
 --unseen flies with points in a part of the frame only and prints, of the flights that are kept fixed and of the others,
 the largest difference in px to the true camera over the whole frame.
---season flies N flights of one camera over flat ground at one height and solves them alone and together.
 """
 
 from __future__ import annotations
@@ -48,9 +47,8 @@ from calibrary.policy import FLEET
 from calibrary.records import replace
 from calibrary.rotations import rotation_matrix
 from calibrary.sfm.adjust import Adjustment, adjust
-from calibrary.sfm.assessment import FlightResult, flight_result
+from calibrary.sfm.assessment import flight_result
 from calibrary.sfm.control import with_survey
-from calibrary.sfm.season import solve_season
 from calibrary.sfm.sigma import covariance
 from tests.sfm.flights import CAMERA, FISHEYE, PLANS, Plan, fly, rippled
 from tests.sfm.surveyed import DATUM, FRAME, survey
@@ -148,38 +146,6 @@ def flown(name: str, seed: int, *, points: bool, faults: bool) -> Adjustment:
     return adjust(tracks, scene)
 
 
-def season(count: int, first: int) -> None:
-    """Print the flights of a season, alone and together."""
-    truth = np.array([getattr(CAMERA.intrinsics, name) for name in NAMES])
-
-    def show(name: str, flight: FlightResult, begun: float) -> None:
-        quality, K = flight.result.calibration.quality, flight.result.calibration.intrinsics
-        assert quality is not None
-        found = np.array([getattr(K, one) for one in NAMES])
-        std = np.array([quality.std[one] for one in NAMES]) * np.sqrt(quality.inflation)
-        z = "".join(f"{one:>7.2f}" for one in (found - truth) / std)
-        geometry = flight.uncertainty.geometry
-        print(
-            f"{name:<37}{found[0]:>8.1f} ±{std[0]:>6.2f}{std[0] / found[0]:>8.3%} cx ±{std[2]:>5.2f} cy ±{std[3]:>5.2f}"
-            f"  z{z}{geometry.focal_by_px:>7.0%}  {flight.result.verdict.word:<6}{time.process_time() - begun:>6.1f} s",
-            flush=True,
-        )
-
-    for kind, gps in (("no RTK", None), ("cross strips, no RTK", None), ("RTK", RTK)):
-        plan = PLANS["flat, cross strips" if "cross" in kind else "flat, one height"]
-        plan = replace_plan(plan, gps_m=gps) if gps is not None else plan
-        found, known = [], []
-        for at in range(count):
-            begun = time.process_time()
-            found.append(adjust(*fly(plan, first + at), model=Solvable.BROWN))
-            flight = flight_result(found[-1])
-            known.append(flight.uncertainty)
-            show(f"flat, {kind}, {at + 1}", flight, begun)
-        begun = time.process_time()
-        together = solve_season(found, known)
-        show(f"flat, {kind}, together", flight_result(together.whole, known=together.known), begun)
-
-
 def unseen(sets: int, first: int) -> None:
     """Print what flights are good for that show a part of the frame only, and how far off they are over all of it."""
     print(f"{'lens':<10}{'points in':<12}{'n':>4}{'fixed':>7}{'off by':>8}{'start':>7}{'off by':>8}")
@@ -205,11 +171,10 @@ def main() -> None:
     parser.add_argument("--only", default="")
     for flag in ("--points", "--faults", "--unseen"):
         parser.add_argument(flag, action="store_true")
-    parser.add_argument("--season", type=int, default=0)
     parser.add_argument("--first", type=int, default=0)
     given = parser.parse_args()
-    if given.unseen or given.season:
-        unseen(given.sets, given.first) if given.unseen else season(given.season, given.first)
+    if given.unseen:
+        unseen(given.sets, given.first)
         return
     truth = np.array([getattr(CAMERA.intrinsics, name) for name in NAMES])
     heads = "".join(f"{name:>6}" for name in (*NAMES, *NAMES))

@@ -22,7 +22,6 @@ PRINTED: Final[Mapping[str, str]] = {
     "check-1": "calibrary.jobs.check.run:CheckReport",
     "corners-1": "calibrary.calib.corners_file:CornersFile",
     "calibration-result-3": "calibrary.jobs.calibrate.report:CalibrateReport",
-    "combination-2": "calibrary.jobs.combine.report:CombinationReport",
     "rig-calibration-result-2": "calibrary.jobs.calibrate_rig.report:RigReport",
     "rig-corners-1": "calibrary.jobs.calibrate_rig.run:RigCorners",
     "calibrate-watch-1": "calibrary.jobs.calibrate_watch.session:WatchStatus",

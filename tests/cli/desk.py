@@ -40,7 +40,6 @@ COMMANDS: dict[str, tuple[int, str]] = {
         1,
         "START cam1 translation camchain.yaml",
     ),
-    "calibrate combine camera.xml": (1, "START unknown-uncertainty"),
     "calibrate board checkerboard:11x8 --square-mm 40 --out new/b/board.pdf": (0, "board.pdf"),
     f"registry add camera.xml {KEY} --reason first --yes": (0, "dji/fc6310r/5472x3648 intrinsics.fx"),
     "registry approve fc6310r --digest DIGEST --reason 'looked at it for a long while, over the test field in May'": (

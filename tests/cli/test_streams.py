@@ -97,7 +97,6 @@ REFUSED = {
         "calibrate empty --board checkerboard:9x6 --square-mm 40",
         "calibrate empty --board chess:9x6 --square-mm 40",
         "calibrate rig --from corners.json",
-        "calibrate combine nothing.xml",
         "calibrate board checkerboard:1x1 --square-mm 40 --out b.pdf",
         "calibrate synth survey --board checkerboard:9x6 --square-mm 40",
         "calibrate flight nowhere",

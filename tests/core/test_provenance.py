@@ -11,9 +11,6 @@ import pytest
 from calibrary.arguments import Stated
 from calibrary.calibration import Calibration
 from calibrary.cli.main import main
-from calibrary.jobs.calibrate.run import Told
-from calibrary.jobs.combine.page import combination_page
-from calibrary.jobs.combine.run import combined
 from calibrary.jobs.diff.comparison import compare
 from calibrary.jobs.diff.page import comparison_page
 from calibrary.jobs.extract.page import _origin as extracted
@@ -26,7 +23,6 @@ from calibrary.records import replace
 from calibrary.registry.contribution import _without_names
 from calibrary.registry.fields import entry_row, entry_rows, known_fields
 from calibrary.registry.query import find_field, parse_where, select
-from tests.jobs.combine.made import made as one_of_three
 from tests.registry.entries import an_entry
 
 JOBS = Path(__file__).parents[2] / "src" / "calibrary" / "jobs"
@@ -58,15 +54,6 @@ def camera_page() -> str:
     return b"".join(data for address, data in pages.items() if address.endswith(".html")).decode()
 
 
-def combined_page() -> str:
-    three = [one_of_three(f"{seed}.json", seed) for seed in range(3)]
-    said = [
-        replace(one, calibration=replace(one.calibration, provenance=replace(MADE, sources=())))
-        for one in three
-    ]
-    return render_page(combination_page(combined(said, Told(stated=Stated(operator=MADE.operator)))))
-
-
 def of_extract() -> str:
     return extracted(calibrated())
 
@@ -78,7 +65,6 @@ SHOWS: dict[str, tuple[Callable[[], str], set[str]]] = {
         lambda: render_page(comparison_page(compare(calibrated(), replace(calibrated(), notes=())), 100.0)),
         LISTED,
     ),
-    "the page of a combination": (combined_page, {*HOW_MADE} - {"tool"}),
     "the page of an extraction": (of_extract, LISTED - {"sha256"}),
     "the calibration in a notebook": (lambda: calibrated()._repr_html_(), LISTED),
 }
@@ -117,7 +103,7 @@ def test_every_field_with_a_flag_has_it(command: str, capsys: pytest.CaptureFixt
     assert [name for name in FLAGS if f"--{name.replace('_', '-')} " not in text] == []
 
 
-@pytest.mark.parametrize("way", ["", "flight", "rig", "combine"])
+@pytest.mark.parametrize("way", ["", "flight", "rig"])
 def test_calibrate_takes_what_it_does_not_know_itself(way: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["calibrate", *way.split(), "--help"])

@@ -12,7 +12,6 @@ from calibrary.sfm.adjust import Adjustment, adjust
 from calibrary.sfm.advice import helps
 from calibrary.sfm.assessment import FlightResult, flight_result
 from calibrary.sfm.control import with_survey
-from calibrary.sfm.season import solve_season
 from tests.sfm.flights import Plan, fly
 from tests.sfm.surveyed import FRAME, survey
 
@@ -48,13 +47,6 @@ def test_surveyed_points_help_by_what_they_are_said_to(flat: FlightResult) -> No
     said = promised(flat, "--same-datum-m 0.05")
     assert said is None or said == pytest.approx(done, rel=0.3)
     assert (said is not None) == (done < 0.8 * sigma(flat))
-
-
-def test_further_flights_help_by_what_they_are_said_to(flat: FlightResult) -> None:
-    said = promised(flat, "2 more flights like this one")
-    found = [flown(SEED + at) for at in range(3)]
-    together = solve_season(found, [flight_result(one).uncertainty for one in found])
-    assert said == pytest.approx(sigma(flight_result(together.whole, known=together.known)), rel=0.3)
 
 
 def test_what_would_help_is_a_note_and_names_the_images_that_were_left_out(flat: FlightResult) -> None:

@@ -34,7 +34,7 @@ GROUPS = (
     (
         "a camera that is calibrated",
         (
-            ("calibrate", "compute K from frames of a board or from a flight; combine several results"),
+            ("calibrate", "compute K from frames of a board or from a flight"),
             (
                 "onboard",
                 "process a new payload: identify its cameras, compare sources of K, propose the best",

@@ -35,7 +35,6 @@ NEAR_ZERO: Final = 2.0
 """Number of σ within which a coefficient may as well be zero."""
 MOST_IMAGES: Final = 200
 """Most that ``--images`` takes."""
-MOST_FLIGHTS: Final = 12
 SMALLER: Final = (Solvable.K1K2P1P2, Solvable.K1K2)
 
 
@@ -103,16 +102,6 @@ def _measures(bundle: Bundle, known: CameraUncertainty, left_out: int) -> Iterat
         if _is_precise(bundle):
             points += f", and --same-datum-m {SAME_DATUM_M:g} if positions and points are of one base station"
         yield by(points, _surveyed(bundle) * known.inflation)
-    noise, limit = C[0, 0], (FLEET.fixed_sigma_focal * known.fx) ** 2
-    lens = float(known.of_lens[0, 0])
-    flights = math.ceil(noise / (limit - lens)) if limit > lens else 0
-    if 1 < flights <= MOST_FLIGHTS:
-        number = f"{flights - 1} more flight{'s' * (flights > 2)}"
-        # The middle is as far off for all of them, and each further flight says so once more.
-        held = known.held.weight**flights * shift**2 if known.held is not None else 0.0
-        yield by(
-            f"{number} like this one, solved together by 'calibrate combine'", noise / flights, lens + held
-        )
 
 
 def _given(C: FloatArray, at: list[int]) -> float:

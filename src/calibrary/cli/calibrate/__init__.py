@@ -16,12 +16,11 @@ __all__ = ["DESCRIPTION", "EXAMPLES", "PARSER", "add_arguments", "run"]
 WORDS = (
     Command("board", "write a board as PDF or SVG, true to the millimetre", f"{__name__}.board"),
     Command("flight", "calibrate from the images of a flight themselves", f"{__name__}.flight"),
-    Command("combine", "several calibrations of one camera as one, if they agree", f"{__name__}.combine"),
     Command("rig", "calibrate cameras that are fixed to one another; also --rig", f"{__name__}.rig"),
     Command("watch", "judge frames as they arrive, and propose the next pose", f"{__name__}.watch"),
     Command("synth", "render frames of a board, with the truth beside them", f"{__name__}.synth"),
 )
-"""Subcommands. A folder of frames with such a name is given as ./board, ./flight, ./combine, ./rig, … ."""
+"""Subcommands. A folder of frames with such a name is given as ./board, ./flight, ./rig, … ."""
 
 RIG = "--rig"
 LISTED = "\n".join(f"  {word.name:<8}{word.help}" for word in WORDS)

@@ -56,7 +56,7 @@ def solve_reconstruction(
     if not (is_colmap_folder(folder) or is_opensfm_folder(folder)):
         raise InputError(
             "expected a folder with COLMAP's sparse model (cameras, images, points3D; .bin or .txt), or with OpenSfM's "
-            "or ODM's reconstruction.json and tracks.csv; a file of K and σ alone is for calibrate combine",
+            "or ODM's reconstruction.json and tracks.csv",
             source=str(folder),
         )
     with stage(f"read {folder.name}"):
