@@ -3,7 +3,8 @@
 A file that no format recognises is described: what it probably is instead, and the next step. A text without a newline
 at its end may be cut short: some editors and programs omit the last newline, and an incomplete copy lacks it too. To
 distinguish them, the last number is extended: if another ending (3650.1 → 3650.11, 3650.1e1) does not change the
-result, the number is not used and the file is accepted; if it does, the number may lack digits and the file is refused.
+result, the number is not used and the file is accepted. If it does, the number may lack digits: a fraction with as
+many decimals as any other of the file is accepted with a note, anything else is refused.
 """
 
 from __future__ import annotations
@@ -122,6 +123,7 @@ def read_content(
     Raises:
         InputError: as for :func:`calibrary.parsers.read`.
     """
+    _refuse_unmerged(content)
     sure = None
     if record is None:
         identity = identified(content)
@@ -162,6 +164,27 @@ def read_content(
         note = f"nothing in the file says that it is {record.title}; it was read so because it has the shape"
         calibrations = [replace(item, notes=(*item.notes, note)) for item in calibrations]
     return calibrations
+
+
+def _refuse_unmerged(content: Content) -> None:
+    """Refuse a text in which git left two versions.
+
+    Raises:
+        ParseError: it has git's marks of a conflict, on the lines from the first to the last.
+    """
+    text = content.text or ""
+    if OURS not in text:
+        return
+    rows = text.splitlines()
+    marked = [
+        (number, row[:8]) for number, row in enumerate(rows, start=1) if row[:8] in (OURS, BETWEEN, THEIRS)
+    ]
+    if [mark for _, mark in marked[:3]] == [OURS, BETWEEN, THEIRS]:
+        raise ParseError(
+            "an unresolved merge of git: keep one of the versions, and remove the marks <<<<<<<, ======= and >>>>>>>",
+            source=content.name,
+            place=f"lines {marked[0][0]} to {marked[2][0]}",
+        )
 
 
 def identified_by_head(path: Path, *, max_bytes: int) -> Identity:
@@ -347,6 +370,8 @@ def _joined_names(names: Iterable[str]) -> str:
     return ", ".join(map(shown, first)) + more
 
 
+OURS, BETWEEN, THEIRS = "<<<<<<< ", "=======", ">>>>>>> "
+"""Beginnings of the lines with which git marks two versions."""
 NOT_ENDED = "the last line is not ended, so the file may be cut short; complete it, or end it with a newline"
 
 _CLOSED = tuple("]})>\"';")
@@ -357,6 +382,11 @@ _ZERO = re.compile(r"[+-]?0")
 _WHOLE = re.compile(r"\d[eE][+-]0\d\Z")
 """An exponent padded to two digits, which has no third digit if it begins with 0."""
 _ANOTHER = " 1"
+_FRACTION = re.compile(r"(?<![\w.+-])[+-]?\d+\.\d+(?![\w.])")
+_EXPONENTS = re.compile(r"\d[eE][+-]?\d")
+"""Where numbers have exponents, the last one may lack its own."""
+FEWEST_OTHERS = 4
+"""Fractions that a text needs to tell how many decimals its numbers have."""
 _EXPONENT = re.compile(r"[\d.][eE][+-]?\d*\Z")
 _TAIL_BYTES = 2000
 _UTF_16 = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
@@ -401,6 +431,9 @@ def read_to_the_end(read: Read, data: bytes, context: ReadContext) -> Sequence[C
     word = match[0].strip() if match else ""
     if word and not _DIGIT.search(word):
         return found
+    if _is_as_long_as_others(word, tail):
+        note = f"{NOT_ENDED}: its last number, {shown(word)}, was taken as it stands"
+        return [replace(item, notes=(*item.notes, note)) for item in found]
     for ending in _endings(word):
         try:
             other = read(data + ending.encode(encoding) + newline, context)
@@ -423,6 +456,14 @@ def _fails_without_its_last_line(
     except InputError as other:
         return (type(other), other.message, other.place) == (type(error), error.message, error.place)
     return False
+
+
+def _is_as_long_as_others(word: str, text: str) -> bool:
+    """Whether a word is a fraction of as many decimals as any other of a text, and so lacks no more than they do."""
+    *others, last = _FRACTION.findall(text) or [""]
+    if last != word or len(others) < FEWEST_OTHERS or not float(word) or _EXPONENTS.search(text):
+        return False
+    return len(word.partition(".")[2]) >= max(len(other.partition(".")[2]) for other in others)
 
 
 def _endings(word: str) -> Iterator[str]:

@@ -58,6 +58,26 @@ def decode(data: bytes, *, source: str | None = None, errors: str = "strict") ->
     return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
 
 
+def refuse_longer(data: bytes, most: int, what: str, *, source: str | None = None) -> None:
+    """Refuse a file that is longer than its kind is read; nothing is wrong with it.
+
+    Args:
+        data: the file.
+        most: bytes.
+        what: its kind, in words.
+        source: file name, for messages.
+
+    Raises:
+        ParseError: it is longer.
+    """
+    if len(data) > most:
+        size = f"{most // 2**20} MiB" if most >= 2**20 else f"{most // 2**10} KiB"
+        raise ParseError(
+            f"it is over {size}, the most that is read of {what}; copy what is of the camera to a file of its own",
+            source=source,
+        )
+
+
 def lines(text: str) -> tuple[str, ...]:
     """The lines of a line-based format, without line ends."""
     return tuple(text.removesuffix("\n").split("\n"))

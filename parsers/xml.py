@@ -11,6 +11,7 @@ import re
 from typing import TYPE_CHECKING
 
 from calibrary.errors import ParseError
+from calibrary.parsers import text as strict
 from calibrary.parsers.document import accounted
 
 if TYPE_CHECKING:
@@ -67,8 +68,7 @@ def parse_xml(
     """
     from lxml import etree
 
-    if len(data) > max_bytes:
-        raise ParseError(f"{len(data)} bytes of XML; at most {max_bytes} are read", source=source)
+    strict.refuse_longer(data, max_bytes, "XML of this kind", source=source)
     prolog = _ascii_prolog(data)
     if _DOCTYPE.match(prolog):
         raise _dtd_refused(source)

@@ -62,8 +62,7 @@ def load(data: bytes, *, source: str) -> Node:
     Raises:
         ParseError: it is none of the three.
     """
-    if len(data) > MAX_BYTES:
-        raise ParseError(f"{len(data)} bytes of an OpenCV file; at most {MAX_BYTES} are read", source=source)
+    strict.refuse_longer(data, MAX_BYTES, "an OpenCV file", source=source)
     head = data[:256].lstrip(b"\xef\xbb\xbf\xff\xfe \t\r\n\0")
     if head.startswith(b"<"):
         if not _ROOT.search(data[:HEAD_BYTES]) and ROOTLESS.encode() in data:

@@ -80,7 +80,7 @@ def variables(data: bytes, *, source: str) -> Variables:
     """Read the file's variables.
 
     Raises:
-        ParseError: it is not such a file, or it is truncated or damaged.
+        ParseError: it is not such a file, it has more in it than is looked into, or it is truncated or damaged.
     """
     mark = data[126:128]
     if not data.startswith(HEADER) or mark not in (b"IM", b"MI"):
@@ -100,6 +100,8 @@ def variables(data: bytes, *, source: str) -> Variables:
             for name, item in opaque.items():
                 value = _plain(item.payload, order)
                 values[name] = objects.resolved(value) if item.kind == "MCOS" else None
+    except ParseError as error:
+        raise ParseError(error.message, source=source, place=error.place) from None
     except (struct.error, zlib.error, ValueError, StopIteration, RuntimeError) as error:
         raise ParseError(f"the MATLAB file is damaged or cut short: {error}", source=source) from None
     left = tuple(item.name for name, item in opaque.items() if values.get(name) is None)

@@ -22,16 +22,19 @@ import struct
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 
+from calibrary.errors import ParseError
 from calibrary.records import Json
 
 MARK = 0xDD000000
 """First number of a reference to objects."""
 HEAD_BYTES = 40
 MAX_DEPTH = 6
-MOST_OBJECTS = 200
-"""Objects that are looked into; a stereo calibration with its session has about ten."""
 MOST_VALUES = 20_000
-"""Values of all properties together; properties may share a cell, so the file's length does not bound them."""
+"""Objects and values of their properties; a session of the calibrator has some for each of its photographs.
+
+Properties may share a cell, so the file's length does not bound them.
+"""
+LIMIT = "the most that are looked into; save its cameraParams alone, as a struct: s = toStruct(cameraParams)"
 AFTER = {2: 1, 3: 2, 4: 3}
 """Cells after the values of properties, by version."""
 AS_SAVED = "any"
@@ -70,14 +73,16 @@ class Objects:
         self._values = cells[2 : len(cells) - AFTER[version]]
         self._value = value
         self._decoded: dict[int, Json] = {}
-        self._left = MOST_OBJECTS
         self._values_left = MOST_VALUES
 
     def resolved(self, value: Json, depth: int = 0) -> Json:
-        """A value with the properties of the objects that it refers to, as mappings; several objects are a list."""
-        self._values_left -= 1
-        if self._values_left < 0:
-            raise ValueError(f"there are over {MOST_VALUES} values in MATLAB's objects")
+        """A value with the properties of the objects that it refers to, as mappings; several objects are a list.
+
+        Raises:
+            ParseError: there are more values than are looked into.
+            ValueError: the metadata is damaged.
+        """
+        self._count()
         if depth > MAX_DEPTH:
             return None
         if isinstance(value, dict):
@@ -90,10 +95,15 @@ class Objects:
         found = [self._properties(number, depth + 1) for number in numbers[2 + numbers[1] : -1]]
         return found[0] if len(found) == 1 else found
 
+    def _count(self) -> None:
+        self._values_left -= 1
+        if self._values_left < 0:
+            raise ParseError(f"it has over {MOST_VALUES} values in MATLAB's objects, {LIMIT}")
+
     def _properties(self, number: int, depth: int) -> Json:
-        self._left -= 1
-        if self._left < 0 or not 0 < number < len(self._objects) // 6:
-            raise ValueError(f"object {number} is not there, or there are over {MOST_OBJECTS}")
+        self._count()
+        if not 0 < number < len(self._objects) // 6:
+            raise ValueError(f"object {number} is not there")
         _, _, _, saved, plain, _ = self._objects[6 * number : 6 * number + 6]
         records, index = (self._saved, saved) if saved else (self._plain, plain)
         if not 0 <= index < len(records):

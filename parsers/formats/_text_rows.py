@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
 
 MAX_BYTES = 1024 * 1024
@@ -15,8 +14,7 @@ def text_of(data: bytes, *, source: str | None = None, most: int = MAX_BYTES) ->
     Raises:
         ParseError: it is not text, or longer than ``most`` bytes.
     """
-    if len(data) > most:
-        raise ParseError(f"{len(data)} bytes are too many for such a file, at most {most}", source=source)
+    strict.refuse_longer(data, most, "such a file", source=source)
     return strict.decode(data, source=source)
 
 

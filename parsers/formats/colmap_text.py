@@ -65,8 +65,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> Sequence[Calibration]:
     """Every camera, in the order of the lines."""
-    if len(data) > MAX_BYTES:
-        raise ParseError(f"{len(data)} bytes of cameras; at most {MAX_BYTES} are read")
+    strict.refuse_longer(data, MAX_BYTES, "COLMAP's text")
     found: list[StoredCamera] = []
     announced = 0
     rows = strict.lines(strict.decode(data))

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from calibrary.calibration import Calibration
 from calibrary.errors import ParseError, UnsupportedModelError
+from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
@@ -25,7 +26,6 @@ from calibrary.parsers.formats import bouguet_m, opencv_storage
 from calibrary.parsers.formats._mat5 import HEADER, variables
 from calibrary.parsers.formats._matlab_camera import CONVENTION, cameras
 from calibrary.parsers.names import MATRIX, simplified
-from calibrary.parsers.text import shown
 from calibrary.records import Json
 
 HDF5 = b"MATLAB 7.3 MAT-file"
@@ -48,8 +48,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera among the variables."""
     if data.startswith(HDF5):
         raise UnsupportedModelError(f"MATLAB files of version 7.3 are not read. {WAY_OUT}")
-    if len(data) > context.at_most(MAX_BYTES):
-        raise ParseError(f"{len(data)} bytes of a MATLAB file; at most {MAX_BYTES} are read")
+    strict.refuse_longer(data, context.at_most(MAX_BYTES), "a MATLAB file without --max-size-mib")
     found = variables(data, source=context.name)
     tree = Node(found.values, source=context.name)
     structs = cameras(tree, context)
@@ -62,9 +61,9 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
         return opencv_storage.cameras(tree, context)
     if found.classes:
         raise UnsupportedModelError(
-            f"it holds an object of the class {shown(found.classes[0])}, which cannot be read here. {WAY_OUT}",
+            f"it holds an object of the class {strict.shown(found.classes[0])}, which cannot be read here. {WAY_OUT}",
         )
-    names = ", ".join(map(shown, list(found.values)[:12])) or "none"
+    names = ", ".join(map(strict.shown, list(found.values)[:12])) or "none"
     raise ParseError(f"there is no camera; the variables are {names}")
 
 

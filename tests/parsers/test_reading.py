@@ -164,6 +164,40 @@ def test_a_file_without_cameras_is_broken(only: Install) -> None:
         parsers.decode(b"x", name="x.cal")
 
 
+FILE = (
+    "cam_model: Pinhole\ncam_width: 640\ncam_height: 480\n"
+    "cam_fx: 501.25\ncam_fy: 500.5\ncam_cx: 320.1\ncam_cy: 240.2\ncam_d0: "
+)
+
+
+def test_a_last_number_of_as_many_decimals_as_any_other_is_taken_with_a_note() -> None:
+    [item] = parsers.decode(f"{FILE}-0.11".encode(), name="camera.yaml")
+    assert item.distortion == parsers.decode(f"{FILE}-0.11\n".encode(), name="camera.yaml")[0].distortion
+    assert "'-0.11', was taken as it stands" in item.notes[-1]
+
+
+@pytest.mark.parametrize("last", ["-0.1", "-0.00", "-1", "-1.25e-1"])
+def test_a_last_number_that_may_lack_digits_is_refused(last: str) -> None:
+    with pytest.raises(ParseError, match="the last line is not ended"):
+        parsers.decode(f"{FILE}{last}".encode(), name="camera.yaml")
+
+
+def test_a_merge_of_git_that_was_not_resolved_is_named_with_its_lines() -> None:
+    ours, theirs = "fx = 812.5\n", "fx = 822.5\n"
+    text = f"cx = 320\n<<<<<<< HEAD\n{ours}=======\n{theirs}>>>>>>> theirs\ncy = 240\n"
+    with pytest.raises(ParseError, match="lines 2 to 6: an unresolved merge of git"):
+        parsers.decode(text.encode(), name="camera.txt")
+
+
+def test_a_file_beyond_a_limit_is_not_called_cut_short() -> None:
+    rows = "".join(f"omc_{number} = [ 1.5 ; 2.5 ; 3.5 ];\n" for number in range(70_000))
+    with pytest.raises(ParseError, match="it is over 2 MiB, the most that is read") as refusal:
+        parsers.decode(
+            f"fc = [ 500 ; 500 ];\nkc = [ 0 ; 0 ];\n{rows}nx = 640".encode(), name="Calib_Results.m"
+        )
+    assert "cut short" not in str(refusal.value)
+
+
 def test_an_unknown_file_is_shown_by_its_beginning() -> None:
     with pytest.raises(UnknownFormatError, match='begins with "hello"'):
         parsers.decode(b"\n hello\nworld", name="x.txt")

@@ -83,7 +83,7 @@ def test_a_hostile_prolog_costs_linear_time() -> None:
 
 
 def test_more_bytes_than_wanted_are_refused_before_parsing() -> None:
-    with pytest.raises(ParseError, match="at most 10"):
+    with pytest.raises(ParseError, match="it is over"):
         parse_xml(b"<a>01234567</a>", source="a.xml", max_bytes=10)
 
 

@@ -82,7 +82,7 @@ def test_the_image_size_is_asked_for() -> None:
         ("531.7", "531,7", ParseError, "decimal point"),
         ("531.7", "-531.7", ParseError, "focal lengths"),
         ("K33 = 1.0\n", "K33 = 1.0\nK34 = 1.0\n", ParseError, "not a line such as"),
-        ("-0.00013\n\n", "-0.00013", ParseError, "not ended"),
+        ("-0.00013\n\n", "-0.0001", ParseError, "not ended"),
         ("K12 = 0.0", "K12 = 0.3\nalpha_c = 0.1", ParseError, "same skew"),
         ("kc1", "kc6 = 0.1\nkc1", UnsupportedModelError, "five"),
     ],

@@ -260,9 +260,19 @@ def test_a_cell_that_properties_share_is_decoded_once() -> None:
 
 def test_objects_of_more_values_than_a_calibration_has_are_refused() -> None:
     objects, decoded = of_shared_cell(1000)
-    with pytest.raises(ValueError, match="over 20000 values"):
+    with pytest.raises(
+        ParseError, match=r"over 20000 values.*the most that are looked into; save its cameraParams alone"
+    ):
         objects.resolved([MARK, 2, 1, 1, 1, 1])
     assert len(decoded) == 1
+
+
+def test_more_objects_than_are_looked_into_are_a_limit_and_no_damage() -> None:
+    objects, _ = of_shared_cell(1)
+    with pytest.raises(
+        ParseError, match=r"over 20000 values in MATLAB's objects, the most that are looked into"
+    ):
+        objects.resolved([MARK, 2, 20_001, *[1] * 20_001, 1])
 
 
 def test_a_pair_of_cameras_is_two() -> None:
