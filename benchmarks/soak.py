@@ -15,7 +15,6 @@ from __future__ import annotations
 import argparse
 import os
 import random
-import shutil
 import signal
 import subprocess
 import sys
@@ -30,12 +29,11 @@ from typing import Final
 
 from benchmarks.registry_entries import entry, founding
 from calibrary import records
-from calibrary.registry.configuration import configuration_yaml
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.remotes import clone
 from calibrary.registry.git.repository import create
-from calibrary.registry.git.writing import Change, write
+from calibrary.registry.git.writing import write
 from calibrary.registry.paths import proposal_path
 from calibrary.registry.registry import open_snapshot
 
@@ -122,8 +120,6 @@ class Person(Thread):
             one = chosen()
             if one is not None:
                 self.do(one)
-            if self.chance.random() < 0.03:
-                self.migrate()
         self.is_done = True
 
     def entry_at(self, test: Callable[[State], bool]) -> int | None:
@@ -238,7 +234,7 @@ class Person(Thread):
     def give(self, one: Command, place: Path) -> int | None:
         """Run a command; its exit code, None if it was killed before its end."""
         words = (sys.executable, "-m", "calibrary", "registry", *one.words)
-        named = ("--registry", str(place)) if one.kind != "init --migrate" else ()
+        named = ("--registry", str(place))
         start = time.monotonic()
         with (self.soak.folder / f"{self.at}.err").open("wb+") as said:
             process = subprocess.Popen(
@@ -285,23 +281,6 @@ class Person(Thread):
             time.sleep(0.02)
         self.hung += 1
 
-    def migrate(self) -> None:
-        """Migrate a copy of an older registry, and once more if that was killed: every entry stays in use."""
-        place = self.soak.folder / f"old-{self.at}"
-        shutil.copytree(self.soak.older, place)
-        one = Command("init --migrate", ("init", str(place), "--migrate", "--yes"))
-        before = found_in(self.soak.older, range(EACH))
-        code = self.give(one, place)
-        found = found_in(place, range(EACH))
-        while code is None:
-            code = self.give(one, place)
-        again, is_founded = found_in(place, range(EACH)), open_snapshot(place).is_stated
-        # One that was killed after its commit has done it, and the next one says so.
-        if found != before or again != before or not is_founded:
-            self.complain(one, "half", code, found if found != before else again, before)
-        self.compared += 1
-        shutil.rmtree(place)
-
 
 class Soak:
     """One run: the registry, its people, and what was found."""
@@ -309,24 +288,13 @@ class Soak:
     def __init__(self, folder: Path, seed: int, minutes: float, kills: int) -> None:
         self.folder, self.seed, self.kills = folder, seed, kills
         self.end = time.monotonic() + minutes * 60
-        self.remote, self.older = folder / "remote.git", folder / "older"
+        self.remote = folder / "remote.git"
         repo = create(self.remote, bare=True, durable=False)
         write(repo, founding(repo, map(entry, range(PEOPLE * EACH))), "Import\n")
         repo.close()
         self.places = [folder / "fleet", folder / "other"]
         for place in self.places:
             clone(str(self.remote), place, durable=False).close()
-        old = create(self.older, durable=False)
-        files = [Change(path=one.path, data=entry_yaml(one)) for one in map(entry, range(EACH))]
-        write(
-            old,
-            [
-                Change(path="registry.yaml", data=configuration_yaml().replace(b"layout: 2", b"layout: 1")),
-                *files,
-            ],
-            "Import\n",
-        )
-        old.close()
         self.people = [Person(self, self.places[at // 2], at) for at in range(PEOPLE)]
 
     def is_over(self) -> bool:

@@ -38,7 +38,6 @@ PRINTED: Final[Mapping[str, str]] = {
     "entry-listing-1": "calibrary.registry.snapshot:ListedEntries",
     "registry-show-1": "calibrary.registry.history:ShownEntry",
     "registry-log-1": "calibrary.registry.history:LogReport",
-    "registry-blame-1": "calibrary.registry.history:BlameReport",
     "registry-change-1": "calibrary.registry.proposals:ChangeReport",
     "registry-sync-1": "calibrary.registry.sync:SyncReport",
     "registry-begun-1": "calibrary.registry.init:InitReport",
@@ -46,7 +45,6 @@ PRINTED: Final[Mapping[str, str]] = {
     "resolution-1": "calibrary.jobs.resolve.run:FleetAnswer",
     "published-2": "calibrary.registry.published.layout:PublishedState",
     "published-camera-1": "calibrary.registry.published.layout:PublishedCamera",
-    "registry-contribution-1": "calibrary.registry.contribution:Contribution",
     "registry-publish-1": "calibrary.registry.published.write:Publication",
 }
 """The documents that calibrary writes for programs: every field is always there. A record in several of them has its

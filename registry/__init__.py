@@ -11,8 +11,7 @@ Groups of modules, each based on the ones below it; none depends on the command 
   registry, or the difference between two revisions).
 * **Entries**: ``entry`` and ``entry_yaml`` (the file of an entry), ``fields`` (as a table, for people and for git
   diff), ``firmware``, ``paths``.
-* **Exchange**: the sub-package ``published`` (a registry as static files, and their reader), ``contribution`` (an
-  entry for a public registry, without private data), ``spreadsheet``.
+* **Exchange**: the sub-package ``published`` (a registry as static files, and their reader), ``spreadsheet``.
 * **git**: the sub-package ``git``, which knows nothing about cameras.
 
 The YAML files of ``catalogue`` are not part of a fleet's registry: they describe camera models, and

@@ -15,11 +15,11 @@ from calibrary import errors
 from calibrary.errors import InputError, RegistryError
 from calibrary.policy import Policy
 from calibrary.records import Meta, Record, replace
-from calibrary.registry.configuration import TO_MIGRATE, Configuration, configuration_at
+from calibrary.registry.configuration import UNPROVEN, Configuration, configuration_at
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_checks import Checked, Judge, check, check_order, finding_of, in_order
 from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.git.history import changed, commit_at, history, not_files, parse_rev, signatures
+from calibrary.registry.git.history import changed, commit_at, not_files, parse_rev
 from calibrary.registry.git.objects import ObjectId, blob_id
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.index import (
@@ -58,12 +58,11 @@ class CheckDocument(Record, tag_field="schema", tag="calibrary/registry-check-1"
     """Output of ``calibrary registry check --json``.
 
     Attributes:
-        verdict: bad if there is an error or an unsigned commit.
+        verdict: bad if there is an error.
         commit: checked commit; None for files in a folder.
         before: start of the checked range; None if everything was checked.
         entries: number of checked entries.
         findings: findings, sorted by path.
-        unsigned: commits without a signature of a listed person, with the reason; None if signatures were not checked.
         what: description of what was checked.
     """
 
@@ -72,13 +71,12 @@ class CheckDocument(Record, tag_field="schema", tag="calibrary/registry-check-1"
     before: ObjectId | None
     entries: Annotated[int, Meta(ge=0)]
     findings: tuple[Finding, ...]
-    unsigned: tuple[str, ...] | None
     what: str = ""
     _unwritten = frozenset({"what"})
 
     @property
     def is_good(self) -> bool:
-        """Whether there is no error and no unsigned commit; there may be warnings."""
+        """Whether there is no error; there may be warnings."""
         return self.verdict == "good"
 
     @property
@@ -96,7 +94,7 @@ class CheckDocument(Record, tag_field="schema", tag="calibrary/registry-check-1"
         commit: str | None = None,
         before: str | None = None,
     ) -> Self:
-        """Make the result of a check of so many entries, without signatures."""
+        """Make the result of a check of so many entries."""
         is_bad = any(finding.severity is Severity.ERROR for finding in findings)
         return cls(
             verdict="bad" if is_bad else "good",
@@ -104,13 +102,8 @@ class CheckDocument(Record, tag_field="schema", tag="calibrary/registry-check-1"
             before=before,
             entries=entries,
             findings=findings,
-            unsigned=None,
             what=what,
         )
-
-    def with_signatures(self, unsigned: tuple[str, ...]) -> Self:
-        """Return the result with the commits that have no signature of a listed person."""
-        return replace(self, unsigned=unsigned, verdict="bad" if unsigned else self.verdict)
 
 
 def count_of(count: int) -> str:
@@ -468,8 +461,8 @@ def of_statements(snapshot: Snapshot, paths: Iterable[str] | None = None) -> Ite
     if not snapshot.is_stated:
         if snapshot.configuration.approvals is not None:
             yield replace(
-                finding_of(CONFIGURATION_FILE, "approval", f"asks for approvals, but {TO_MIGRATE}"),
-                remedy="calibrary registry init --migrate",
+                finding_of(CONFIGURATION_FILE, "approval", f"asks for approvals, but {UNPROVEN}"),
+                remedy="calibrary registry init FOLDER",
             )
         return
     wanted = [path for path in snapshot.paths if is_entry(path)] if paths is None else [*paths]
@@ -522,24 +515,3 @@ def _removed_statements(repo: Repository, start: str, end: str) -> Iterator[Find
                 finding_of(file.path, "statement", f"{what}; statements are only ever added"),
                 remedy="take that out of the change; a new statement says what changes",
             )
-
-
-def check_signatures(
-    snapshot: Snapshot, signers: Path | None, *, before: str | None = None, after: str | None = None
-) -> tuple[str, ...]:
-    """Return the commits without a signature of a listed person, each with the reason.
-
-    Args:
-        snapshot: state of the registry.
-        signers: an "ALLOWED SIGNERS" file of ssh-keygen(1); without it only OpenPGP keys can be verified.
-        before: revision after which commits are checked; by default all.
-        after: last revision; by default that of the snapshot.
-
-    Raises:
-        RegistryError: the registry is a plain folder, or git cannot verify a signature.
-    """
-    repo, newest = snapshot.require_git("has no commits to be signed")
-    end = commit_at(repo, parse_rev(after)) if after is not None else newest
-    span = f"{commit_at(repo, parse_rev(before))}..{end}" if before is not None else end
-    commits = [revision.commit for revision in history(repo, None, span)]
-    return tuple(str(found) for found in signatures(repo, commits, signers) if not found.is_good)

@@ -24,11 +24,11 @@ LAYOUT: Final = 2
 
 STATED: Final = 2
 """Layout from which statements say what is approved."""
-TO_MIGRATE: Final = (
-    "its approvals are lines of commit messages, which a squash merge drops and anyone can write; they no longer "
-    "count. 'calibrary registry init --migrate' takes over what is in use, once"
+UNPROVEN: Final = (
+    "it has no statements, so nothing proves an approval. Make a registry anew with 'calibrary registry init', and add "
+    "these entries to it"
 )
-"""What an older registry that asks for approvals is told."""
+"""What a registry without statements that asks for approvals is told."""
 LARGEST: Final = 64 << 10
 SCHEMA: Final = re.compile(r"calibrary/(registry|entry)-(\d{1,6})")
 

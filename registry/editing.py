@@ -235,10 +235,10 @@ MOST_TOLD: Final = 6
 Cell = str | float | None
 
 
-def units_csv(entries: Sequence[StoredEntry], *, excel: bool = False) -> bytes:
+def units_csv(entries: Sequence[StoredEntry]) -> bytes:
     """Return entries as CSV, one row each; serial numbers are hashes, as in the registry."""
     rows = ([_row(one.entry, one.id, one.oid)[name] for name in COLUMNS] for one in entries)
-    return csv_text(COLUMNS, rows, excel=excel).encode()
+    return csv_text(COLUMNS, rows).encode()
 
 
 def _row(entry: Entry, id_: str, oid: ObjectId | None) -> dict[str, Cell]:

@@ -8,17 +8,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
-from pathlib import Path
 from typing import Any, Final, TypeAlias
 
 from msgspec import field
 
 from calibrary.distortion import MODELS
-from calibrary.errors import InputError
 from calibrary.records import Record, flat, to_json
 from calibrary.records.schema import schema
 from calibrary.registry.entry import PARAMETERS, Entry
-from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
 
 Field: TypeAlias = str | int | float | bool | None
 Value: TypeAlias = bool | int | float | str | tuple[str, ...]
@@ -140,21 +137,6 @@ def std_of(entry: Entry, name: str) -> float | None:
     return spread.get(name, quality.std.get(name))
 
 
-def entry_text(path: Path) -> str:
-    """Return the fields of an entry file as text; for other files, the error and the content. It never fails."""
-    try:
-        with path.open("rb") as file:
-            data = file.read(LARGEST_ENTRY + 1)
-    except OSError as error:
-        return f"cannot be read: {error.strerror}\n"
-    try:
-        entry = parse_entry(data, "this file", require_digest=False)
-    except InputError as error:
-        return f"{error}\n{_printable(data)}"
-    warning = "" if b"\ndigest:" in data else "no digest: changed by hand\n"
-    return warning + "".join(f"{line}\n" for line in _lines(entry))
-
-
 def entry_rows(entry: Entry, digits: Callable[[float], str] = repr) -> list[tuple[str, str]]:
     """Return every field of an entry as (name, value with uncertainty), without control characters."""
     return [
@@ -167,10 +149,6 @@ def entry_rows(entry: Entry, digits: Callable[[float], str] = repr) -> list[tupl
     ]
 
 
-def _lines(entry: Entry) -> list[str]:
-    return [f"{name:<{WIDTH}}  {text}" for name, text in entry_rows(entry)]
-
-
 def _spread(entry: Entry, name: str, digits: Callable[[float], str]) -> str:
     """Return the uncertainty of a parameter of K or the distortion, and its unit."""
     block, _, parameter = name.partition(".")
@@ -180,8 +158,3 @@ def _spread(entry: Entry, name: str, digits: Callable[[float], str]) -> str:
 
 def _clean(text: str) -> str:
     return "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in text)
-
-
-def _printable(data: bytes) -> str:
-    lines = data.decode("utf-8", "replace").split("\n")
-    return "\n".join(map(_clean, lines))

@@ -11,11 +11,11 @@ from typing import Any, Final, Literal
 from msgspec import Struct, field
 
 from calibrary.calibration import Grade
-from calibrary.errors import RegistryError, UnknownCameraError, UsageError
+from calibrary.errors import UnknownCameraError
 from calibrary.interop.notebook import html_table
 from calibrary.records import Record
 from calibrary.registry.entry import PARAMETERS, Entry, Status
-from calibrary.registry.fields import Field, FieldChange, entry_fields, entry_rows
+from calibrary.registry.fields import FieldChange, entry_rows
 from calibrary.registry.git import history as git_history
 from calibrary.registry.git.history import SOURCE_FILE, SOURCE_SHA256, Revision
 from calibrary.registry.git.objects import ObjectId
@@ -149,41 +149,6 @@ def of_path(
     ]
 
 
-def blame(snapshot: Snapshot, key: str, fields: Sequence[str] = ()) -> BlameReport:
-    """Return the commit that last changed each current field of an entry.
-
-    Args:
-        snapshot: state of a registry in git.
-        key: key of the entry.
-        fields: only these fields and those below them, such as "intrinsics" or "distortion.k1"; by default all.
-
-    Raises:
-        UnknownCameraError: the entry does not exist.
-        RegistryError: the entry cannot be read.
-        UsageError: the entry has none of these fields.
-    """
-    if "@" in key:
-        raise RegistryError(f"{key}: only the current entry can be examined; name it without @REV")
-    stored = snapshot.get(key)
-    current = entry_fields(stored.entry)
-    asked = {
-        name: value
-        for name, value in current.items()
-        if not fields or any(name == one or name.startswith(f"{one}.") for one in fields)
-    }
-    if not asked:
-        there = ", ".join(dict.fromkeys(name.partition(".")[0] for name in current))
-        raise UsageError(f"{key} says nothing of {', '.join(fields)}; it has {there}")
-    revisions = history(snapshot, stored.id)
-    # Compute each revision's fields once, instead of once per field.
-    fields_of = [entry_fields(one.entry) if one.entry is not None else None for one in revisions]
-    found = (
-        BlamedField(field=name, value=value, **_commit(revisions[_unchanged_for(fields_of, name, value)]))
-        for name, value in asked.items()
-    )
-    return BlameReport(id=stored.id, fields=tuple(found))
-
-
 def recorded(repo: Repository, stored: StoredEntry) -> Recorded | None:
     """Return who added an entry's calibration: the oldest commit since which its digest is unchanged.
 
@@ -276,16 +241,6 @@ def _entries(repo: Repository, at: str, revisions: Sequence[Revision]) -> list[E
     parsed = index_at(repo, at).parsed((oid, path, data) for (oid, path), data in contents)
     entries = {oid: entry for oid, (_, entry) in zip(there, parsed, strict=True) if isinstance(entry, Entry)}
     return [entries.get(one.oid) if one.oid is not None else None for one in revisions]
-
-
-def _unchanged_for(fields_of: Sequence[dict[str, Field] | None], name: str, value: Field) -> int:
-    """Return the index of the oldest revision, counted from the newest without a gap, with a field's current value."""
-    oldest = 0
-    for at, fields in enumerate(fields_of):
-        if fields is None or fields.get(name) != value:
-            break
-        oldest = at
-    return oldest
 
 
 def _source_file(revision: Revision, sha256: str | None) -> str | None:
@@ -392,30 +347,6 @@ class LogReport(Record, tag_field="schema", tag="calibrary/registry-log-1"):
 
     key: str | None
     revisions: tuple[LoggedRevision, ...]
-
-
-class BlamedField(LoggedCommit):
-    """A field of an entry, and the commit that last changed it.
-
-    Attributes:
-        field: dotted name, as nested in the entry's file.
-        value: current value.
-    """
-
-    field: str
-    value: Field
-
-
-class BlameReport(Record, tag_field="schema", tag="calibrary/registry-blame-1"):
-    """Output of ``calibrary registry log KEY --fields --json``.
-
-    Attributes:
-        id: id of the entry.
-        fields: fields in the order of the file.
-    """
-
-    id: str
-    fields: tuple[BlamedField, ...]
 
 
 def log_report(revisions: Sequence[EntryRevision], key: str | None) -> LogReport:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import shutil
 from datetime import date
-from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import Final
 
@@ -15,7 +14,7 @@ from calibrary.distortion import BrownConrady
 from calibrary.distortion.described import document
 from calibrary.errors import CalibraryError, RegistryError
 from calibrary.records import Record, replace
-from calibrary.registry.configuration import STATED, configuration_yaml, parse_configuration
+from calibrary.registry.configuration import configuration_yaml, parse_configuration
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.objects import ObjectId
@@ -45,7 +44,6 @@ class InitReport(Record, tag_field="schema", tag="calibrary/registry-begun-1"):
         commit: newest commit.
         cloned_from: address it was cloned from, without a password.
         files: files that were written; empty for a clone.
-        textconv: whether git was configured to show entries field by field, as :func:`show_fields` does.
         outer: enclosing repository, if there is one, which should ignore this folder.
     """
 
@@ -53,7 +51,6 @@ class InitReport(Record, tag_field="schema", tag="calibrary/registry-begun-1"):
     commit: ObjectId
     cloned_from: str | None
     files: tuple[str, ...]
-    textconv: bool = False
     outer: Path | None = None
     _unwritten = frozenset({"outer"})
 
@@ -62,13 +59,8 @@ class InitReport(Record, tag_field="schema", tag="calibrary/registry-begun-1"):
         """Folder of the registry."""
         return Path(self.registry)
 
-    @property
-    def driver(self) -> str:
-        """Shell command that does what :func:`show_fields` does."""
-        return f"git -C {self.registry} config {DRIVER} '{DRIVER_COMMAND}'"
 
-
-def init(place: Path, *, bare: bool = False, starter: bool = False) -> InitReport:
+def init(place: Path, *, bare: bool = False) -> InitReport:
     """Create a registry.
 
     A repository without commits, such as a clone of a new one at a host, can be used. One with commits belongs to
@@ -77,15 +69,11 @@ def init(place: Path, *, bare: bool = False, starter: bool = False) -> InitRepor
     Args:
         place: folder; it is created if absent.
         bare: without a work tree, to push to.
-        starter: add the files of a public registry: a licence, and review rules.
 
     Raises:
         RegistryError: there already is a registry, or other files; nothing was changed.
     """
     files = scaffold()
-    if starter:
-        files |= starter_files(files["README.md"])
-        files[CONFIGURATION_FILE] = configuration_yaml(not_author=True)
     in_the_way = [name for name in files if not bare and (place / name).exists()]
     if (place / ".git").exists() or (place / "HEAD").exists():
         repo = _empty_repository(place, in_the_way)
@@ -126,48 +114,6 @@ def init_from(url: str, place: Path, *, bare: bool = False) -> InitReport:
     return replace(made, cloned_from=shown)
 
 
-def migrate(place: Path) -> InitReport:
-    """Found an older registry on statements: what is in use now stays in use, and from now on statements say so.
-
-    Raises:
-        RegistryError: it is founded already, an entry cannot be read, or no key of the people of registry.yaml signs
-            here; nothing was changed.
-    """
-    registry = Registry.open(place)
-    snapshot, repo = registry.snapshot(), registry.repo
-    if snapshot.is_stated:
-        raise RegistryError(f"{place}: statements say what is approved here already; nothing was changed")
-    entries = {one.path: (one.entry, one.oid or "") for one in snapshot.entries()}
-    configuration = repo.read(registry.commit(), CONFIGURATION_FILE)
-    attributes = repo.read(registry.commit(), ".gitattributes")
-    said = configuration.data if configuration is not None else configuration_yaml()
-    had = attributes.data if attributes is not None else ATTRIBUTES
-    changes = [
-        *founded(repo, registry.configuration.rules, entries),
-        Change(
-            path=CONFIGURATION_FILE,
-            data=LAYOUT_LINE.sub(b"layout: %d" % STATED, said, count=1),
-            base=configuration.oid if configuration is not None else None,
-        ),
-        Change(
-            path=".gitattributes",
-            data=had if AS_WRITTEN in had else had.rstrip(b"\n") + b"\n" + AS_WRITTEN,
-            base=attributes.oid if attributes is not None else None,
-        ),
-    ]
-    note = Note(
-        subject="Say by statements what is approved",
-        reason=f"{len(entries)} entries are taken over as they are",
-    )
-    written = write_changes(repo, changes, note)
-    return InitReport(
-        registry=str(repo.path), commit=written.commit, cloned_from=None, files=tuple(sorted(written.paths))
-    )
-
-
-LAYOUT_LINE: Final = re.compile(rb"^layout: *1\b", re.MULTILINE)
-
-
 def folder_for(url: str) -> Path:
     """Return the folder that git would clone to: the last part of the address, in the current folder.
 
@@ -180,17 +126,6 @@ def folder_for(url: str) -> Path:
             f"{without_secret(url)}: does not contain a folder name; give one: init PATH --remote URL"
         )
     return Path(found[1])
-
-
-def show_fields(made: InitReport) -> InitReport:
-    """Configure the registry's git to show changes of entries field by field.
-
-    Raises:
-        RegistryError: the configuration cannot be written.
-    """
-    repo = Repository.open(made.place, check_path=check_path)
-    repo.run("config", "--local", "--replace-all", DRIVER, DRIVER_COMMAND)
-    return replace(made, textconv=True)
 
 
 def _empty_repository(place: Path, in_the_way: list[str]) -> Repository:
@@ -244,11 +179,6 @@ AS_WRITTEN: Final = b"/statements/** -text\n"
 ATTRIBUTES: Final = b"*.yaml text eol=lf\n*.md text eol=lf\n*.yml text eol=lf\n*.json text eol=lf\n"
 """``.gitattributes``: the bytes of an entry must be the same in every checkout, or its digest would not match."""
 
-DRIVER: Final = "diff.calibrary.textconv"
-DRIVER_COMMAND: Final = 'f() { calibrary registry show --textconv "$1" 2>/dev/null || cat "$1"; }; f'
-"""Command that git runs to show an entry; ``.gitattributes`` names the driver, each user's configuration the command.
-Without calibrary, it prints the file itself: git diff would otherwise show nothing."""
-
 WORKFLOW: Final = ".github/workflows/registry-check.yml"
 
 README: Final = """\
@@ -282,10 +212,7 @@ keys, that are only ever added. A file in `cameras/` that no statement approves 
     git show v2026.1:cameras/dji/fc6310r/5472x3648.yaml        as it was at a tag
 
 The trailers of each commit name the cameras (`Camera:`), the source files (`Source-File:`, `Source-Sha256:`), the
-grade, the firmware and the reason (`Reason:`). With calibrary installed, git shows entries by their fields, one line
-per number:
-
-    git config {driver} '{command}'
+grade, the firmware and the reason (`Reason:`).
 
 ## Reviewing a change
 
@@ -372,14 +299,12 @@ jobs:
 
 def scaffold() -> dict[str, bytes]:
     """Return the files of a new registry by path."""
-    readme = README.format(
-        example=entry_yaml(example_entry()).decode(), driver=DRIVER, command=DRIVER_COMMAND, workflow=WORKFLOW
-    )
+    readme = README.format(example=entry_yaml(example_entry()).decode(), workflow=WORKFLOW)
     return {
         CONFIGURATION_FILE: configuration_yaml(),
         "README.md": readme.encode(),
         DOCUMENT: document("The models of the entries here, as calibrary describes them.").encode(),
-        ".gitattributes": ATTRIBUTES + AS_WRITTEN + b"/cameras/**/*.yaml diff=calibrary\n",
+        ".gitattributes": ATTRIBUTES + AS_WRITTEN,
         WORKFLOW: CHECK.format(requirement=REQUIREMENT).encode(),
         HOOKS: PRE_COMMIT.format(requirement=REQUIREMENT).encode(),
         OWNERS: CODEOWNERS.format(mark="# ", owner="@your-team").encode(),
@@ -408,114 +333,3 @@ def example_entry() -> Entry:
             ),
         )
     )
-
-
-LICENSE: Final = "LICENSE"
-NOTICE: Final = "NOTICE"
-CONTRIBUTING: Final = "CONTRIBUTING.md"
-
-PUBLIC_README: Final = """\
-# Public camera calibrations
-
-Starting values of K for cameras of drones, phones and survey payloads, one YAML file per camera, kept in git and
-reviewed entry by entry. The first entries are derived from the catalogue of known cameras that calibrary ships: image
-size, focal length and pixel pitch as makers and public images state them. Each entry names its sources.
-
-- **A value for a model is not a calibration of your unit.** Entries are of grade `derived`: square pixels, the
-  principal point in the middle, the distortion unknown (`null`). A reconstruction can start from them and has to
-  refine them.
-- **No entry states an uncertainty that was not measured.** Those from the catalogue state none. What was measured on
-  one unit is in `x-evidence` of its entry, and is not to be taken for the uncertainty of another unit.
-- **What is in `proposals/` is not used** by any program until two people have looked at it: who proposed it and
-  who approves it. That is so for every entry of the first commit.
-
-Use it:
-
-    git clone URL camera-calibrations
-    calibrary registry resolve DJI_0001.JPG --registry camera-calibrations
-    calibrary extract flight/ --registry my-fleet --registry camera-calibrations
-
-Licence of the data: Apache-2.0 ([LICENSE](LICENSE), [NOTICE](NOTICE)). How to contribute, and what a review looks at:
-[CONTRIBUTING.md](CONTRIBUTING.md).
-
-## Where what is
-
-One YAML file per camera, in `cameras/<make>/<model>/<variant>.yaml`; what is proposed and not approved yet is at the
-same path in `proposals/`. The history of a camera is the git history of its file. `registry.yaml` is the configuration:
-the schema versions, the limits that entries are checked against, and who may approve.
-
-"""
-
-RULES: Final = """\
-# Contributing
-
-## What belongs here
-
-K of a camera *model*, with where it is from: computed from what the maker states, or measured on one unit and stated
-as an estimate for its model. Not: lens profiles, guesses, values without a source that others can check, focal lengths
-out of a 35 mm equivalent.
-
-## From your own registry
-
-    calibrary registry export KEY --public --out camera-calibrations    (the clone of this registry)
-    cd camera-calibrations
-    calibrary registry check --worktree
-    git switch -c MODEL && git add proposals && git commit && git push
-
-`--public` writes the entry to `proposals/`, without serial number, label, notes, and the names of files and people.
-One unit's K becomes an estimate for its model: grade `derived`, tolerance at least 3 %, and what was measured (rms,
-views, uncertainty) in `x-evidence`. Look at the file before you send it.
-
-By contributing you agree that the data is given under the licence of this repository, Apache-2.0 (section 5 of it).
-
-## What a review looks at
-
-1. `registry check` passes. It runs on every push and pull request (.github/workflows/registry-check.yml), and judges by
-   the `registry.yaml` of the branch that the change goes to.
-2. Make and model are as EXIF writes them; image size, lens and focal length are those that K holds for.
-3. The source can be looked up: a data sheet, a public image with its tags, or the SHA-256 of a calibration file with
-   date and tool. The reviewer looks it up.
-4. fx agrees with focal length over pixel pitch, and with the other entries of the model. Where units differ by more
-   than 3 %, there is no K of the model: the entry is refused.
-5. Nothing private: no serial number in clear, no position, no person, no path of a file.
-6. No uncertainty that was not measured.
-
-Then a person other than the author approves: `calibrary registry approve KEY` shows the entry and what it changes, and
-commits the approval (`approvals: {not_author: true}` in registry.yaml). A change of an approved entry goes the same
-way; the former one stays in use until then. An entry that is found wrong is retired with a reason, not deleted.
-"""
-
-
-def starter_files(readme: bytes) -> dict[str, bytes]:
-    """Return the files of a public registry by path.
-
-    Args:
-        readme: README of any registry; its section about entries is copied.
-
-    Raises:
-        RegistryError: the text of the licence is not installed with this package.
-    """
-    _, heading, rest = readme.decode().partition("## An entry\n")
-    return {
-        "README.md": (PUBLIC_README + heading + rest).encode(),
-        CONTRIBUTING: RULES.encode(),
-        LICENSE: _installed(LICENSE),
-        NOTICE: (
-            b"Camera calibrations\n"
-            b"Licensed under the Apache License, Version 2.0; see LICENSE.\n\n"
-            b"The entries whose provenance is of kind 'catalogue' are derived from the catalogue of calibrary\n"
-            b"(Apache-2.0). They state facts of cameras, each with its source.\n"
-        ),
-    }
-
-
-def _installed(name: str) -> bytes:
-    try:
-        text = distribution("calibrary").read_text(f"licenses/{name}")
-    except PackageNotFoundError:
-        text = None
-    if text is None:
-        raise RegistryError(
-            f"calibrary is installed without its {name}, which an open registry needs; reinstall it"
-        )
-    return text.encode()

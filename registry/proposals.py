@@ -18,7 +18,7 @@ from calibrary.errors import InputError, RegistryError
 from calibrary.known_camera import match_key
 from calibrary.provenance import HOW_MADE
 from calibrary.records import Record, replace
-from calibrary.registry.configuration import TO_MIGRATE
+from calibrary.registry.configuration import UNPROVEN
 from calibrary.registry.entry import VERDICT_BLOCK, Entry, Status, Validity, digest
 from calibrary.registry.entry_checks import Judge, check, in_order
 from calibrary.registry.entry_yaml import combined, entry_yaml, lost_comments, parse_entry, parsed
@@ -822,7 +822,7 @@ def _approving(snapshot: Snapshot, source: Snapshot, keys: Sequence[str], terms:
 def _retired_from(snapshot: Snapshot, stored: StoredEntry, start: date, reason: str | None) -> Proposal:
     """Retire an entry for the days from one on; only a statement says so, and its file stays."""
     if not snapshot.is_stated:
-        raise RegistryError(f"nothing was written: only statements retire from a day on; {TO_MIGRATE}")
+        raise RegistryError(f"nothing was written: only statements retire from a day on; {UNPROVEN}")
     if not stored.entry.is_usable:
         raise RegistryError(f"{stored.id} is {stored.entry.status.value} already")
     before = snapshot.committed(stored.path)
@@ -923,7 +923,7 @@ def save(
     acts = [act for one in due if (act := _act(one)) is not None]
     if not snapshot.is_stated:
         if registry.configuration.approvals is not None and any(act.action == "approve" for act in acts):
-            raise RegistryError(f"nothing was written: {TO_MIGRATE}")
+            raise RegistryError(f"nothing was written: {UNPROVEN}")
         found = Stated()
     else:
         found = stated(snapshot, acts, terms.reason, author=author)

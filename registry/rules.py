@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from calibrary.errors import RegistryError
-from calibrary.registry.configuration import TO_MIGRATE, RuleSet, parse_configuration
+from calibrary.registry.configuration import UNPROVEN, RuleSet, parse_configuration
 from calibrary.registry.places import CONFIGURATION_FILE
 from calibrary.registry.proposals import ChangeReport, Note, write_changes
 from calibrary.registry.registry import Registry
@@ -20,7 +20,7 @@ def stated_rules(registry: Registry) -> tuple[RuleSet, str]:
     snapshot = registry.snapshot()
     blob = registry.repo.read(registry.commit(), CONFIGURATION_FILE)
     if blob is None or not snapshot.is_stated:
-        raise RegistryError(f"{registry.repo.path}: {TO_MIGRATE}")
+        raise RegistryError(f"{registry.repo.path}: {UNPROVEN}")
     return parse_configuration(blob.data).rules, blob.oid
 
 

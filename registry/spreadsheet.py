@@ -32,29 +32,27 @@ class Sheet(Struct, frozen=True, kw_only=True):
     encoding: str
 
 
-def csv_text(columns: Sequence[str], rows: Iterable[Sequence[object]], *, excel: bool = False) -> str:
+def csv_text(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """Return a table as CSV.
 
     Args:
         columns: column names.
         rows: texts, numbers, tuples of texts, and None for an empty cell.
-        excel: use the form for Excel with a decimal comma: semicolons as separators, and a byte order mark, without
-            which Excel does not recognise UTF-8.
     """
     text = io.StringIO(newline="")
-    writer = csv.writer(text, delimiter=";" if excel else ",", lineterminator="\r\n" if excel else "\n")
+    writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
-    writer.writerows([_cell(value, excel=excel) for value in row] for row in rows)
-    return ("\ufeff" if excel else "") + text.getvalue()
+    writer.writerows([_cell(value) for value in row] for row in rows)
+    return text.getvalue()
 
 
-def _cell(value: object, *, excel: bool) -> str:
+def _cell(value: object) -> str:
     if value is None:
         return ""
     if isinstance(value, tuple):
-        return _cell(" ".join(map(str, value)), excel=excel)
+        return _cell(" ".join(map(str, value)))
     if isinstance(value, float):
-        return repr(value).replace(".", ",") if excel else repr(value)
+        return repr(value)
     text = f"'{value}" if isinstance(value, str) and value.startswith(ESCAPED) else str(value)
     # The csv module does not quote a carriage return, which readers take for the end of a row.
     return text.replace("\r\n", "\n").replace("\r", "\n")

@@ -120,7 +120,7 @@ def flown(year: Path, flight: str, unit: str, day: str) -> Path:
 def january_the_fleet_is_registered_and_shared(
     year: Path, server: str, ada: Colleague, ben: Colleague
 ) -> None:
-    ada("init", ada.clone, "--yes")
+    ada("init", ada.clone)
     rules = ada.clone / "registry.yaml"
     rules.write_text(f"{rules.read_text()}approvals: {{count: 1, not_author: true}}\n")
     git(ada.clone, "commit", "--quiet", "-am", "Whoever proposes a K does not approve it")
@@ -132,7 +132,7 @@ def january_the_fleet_is_registered_and_shared(
         file = xml(year / f"{model}.xml", f=3000.0 + n, size=size)
         ada("add", file, "--make", "Example", "--model", model, "--date", "2025-01-11", "--yes")
     ada("push", server)
-    ben("init", ben.clone, "--remote", server, "--yes")
+    ben("init", ben.clone, "--remote", server)
     # Nobody approves a K of their own; the other one does, for all of the fleet in one commit.
     snapshot = Registry.open(ben.clone).snapshot()
     keys = [stored.id for stored in snapshot.proposals()]

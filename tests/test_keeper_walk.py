@@ -40,7 +40,7 @@ def test_a_keepers_first_day(
     monkeypatch.chdir(tmp_path)
     image = picture(tmp_path / "flight/DJI_0001.JPG", make="DJI", model="FC6310R", focal_mm=(88, 10))
 
-    said = registry("init", "fleet", "--yes")
+    said = registry("init", "fleet")
     assert "next: calibrary registry add" in said
     monkeypatch.chdir(tmp_path / "fleet")
     assert "not in any registry" in registry("resolve", str(image))
@@ -74,7 +74,7 @@ def test_a_keepers_first_day(
     git(tmp_path, "init", "--quiet", "--bare", "--initial-branch=main", "fleet.git")
     registry("push", str(tmp_path / "fleet.git"))
     monkeypatch.chdir(tmp_path)
-    registry("init", "second", "--remote", str(tmp_path / "fleet.git"), "--yes")
+    registry("init", "second", "--remote", str(tmp_path / "fleet.git"))
 
     document = json.loads(main_json(capsys, "resolve", str(image), "--registry", "second"))
     assert document["entry"]["id"] == P4R

@@ -90,7 +90,7 @@ def delivery(tmp_path: Path) -> Path:
 
 
 def test_an_integrator_takes_a_payload_on_board(person: Person, delivery: Path, tmp_path: Path) -> None:
-    person("registry", "init", "fleet", "--yes")
+    person("registry", "init", "fleet")
     flight = delivery / "DCIM" / "100"
     registry = ("--registry", "fleet")
     assert "no entry" in person("registry", "audit", flight, *registry, code=1)
@@ -123,7 +123,7 @@ def test_an_integrator_takes_a_payload_on_board(person: Person, delivery: Path, 
 
 
 def test_an_engineer_is_asked_whether_an_update_moved_k(person: Person, tmp_path: Path) -> None:
-    person("registry", "init", "fleet", "--yes")
+    person("registry", "init", "fleet")
     registry = ("--registry", "fleet")
     for firmware, stretch in (("01.08", 1.0), ("01.09", 1.001)):
         for model, moved in (("A1", stretch), ("B2", 1.0)):

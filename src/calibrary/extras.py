@@ -46,7 +46,6 @@ LIBRARIES = {
     "pycolmap": Library(name="pycolmap", extras=("sfm",), floor=(4, 0)),
     "pyproj": Library(name="pyproj", extras=("sfm",), floor=(3, 6)),
     "rosbags": Library(name="rosbags", extras=("recordings",)),
-    "segno": Library(name="segno", extras=("pages",), floor=(1, 6)),
     "threadpoolctl": Library(name="threadpoolctl", extras=("calibrate",)),
     "cryptography": Library(name="cryptography", extras=("published",)),
     "tuf": Library(name="python-tuf", extras=("published",), floor=(6, 0)),
@@ -56,7 +55,6 @@ LIBRARIES = {
 
 CALIBRATE = ("cv2", "PIL")
 DESK = ("starlette", "uvicorn", "python_multipart", "jinja2", "matplotlib")
-LABELS = ("segno",)
 PAGES = ("jinja2", "matplotlib")
 PUBLISHED = ("tuf", "cryptography", "urllib3")
 SFM = ("pycolmap",)

@@ -80,14 +80,12 @@ class About(Struct, frozen=True, kw_only=True):
         listed: whether pages list it; another field speaks for those that they do not.
         traces: whether it says which file K is from, and not how the calibration was made.
         flag: what the flag takes by which a user states it where the source does not; None for no flag.
-        public: whether it may go into an entry for a public registry.
     """
 
     label: str | None = None
     listed: bool = True
     traces: bool = False
     flag: Literal["name", "day"] | None = None
-    public: bool = False
 
 
 class Provenance(Record):
@@ -116,19 +114,19 @@ class Provenance(Record):
     ('drone-dji:DewarpData', '2019-03-05')
     """
 
-    kind: Annotated[str, About(traces=True, listed=False, public=True)]
+    kind: Annotated[str, About(traces=True, listed=False)]
     source: Annotated[str | None, About(traces=True)] = None
-    tag: Annotated[str | None, About(traces=True, public=True)] = None
-    reference_size: Annotated[ImageSize | None, About(traces=True, listed=False, public=True)] = None
-    adaptation: Annotated[str | None, About(label="adapted by", traces=True, public=True)] = None
-    assumptions: Annotated[tuple[str, ...], About(label="assumed", traces=True, public=True)] = ()
-    sha256: Annotated[str | None, About(traces=True, public=True)] = None
+    tag: Annotated[str | None, About(traces=True)] = None
+    reference_size: Annotated[ImageSize | None, About(traces=True, listed=False)] = None
+    adaptation: Annotated[str | None, About(label="adapted by", traces=True)] = None
+    assumptions: Annotated[tuple[str, ...], About(label="assumed", traces=True)] = ()
+    sha256: Annotated[str | None, About(traces=True)] = None
     sources: Annotated[tuple[SourceFile, ...], About(traces=True, listed=False)] = ()
-    tool: Annotated[str | None, About(label="program", flag="name", public=True)] = None
-    date: Annotated[str | None, About(label="calibrated on", flag="day", public=True)] = None
+    tool: Annotated[str | None, About(label="program", flag="name")] = None
+    date: Annotated[str | None, About(label="calibrated on", flag="day")] = None
     operator: Annotated[str | None, About(flag="name")] = None
-    firmware: Annotated[str | None, About(public=True)] = None
-    focus: Annotated[str | None, About(public=True)] = None
+    firmware: str | None = None
+    focus: str | None = None
 
 
 def _declared(hint: Any) -> About:

@@ -66,7 +66,6 @@ COMMANDS: dict[str, tuple[int, str]] = {
     "registry export --to csv --out new/e/fleet.csv": (0, "entries"),
     "registry site new/w/site --workers 1": (0, "index.html"),
     "registry publish new/p/public --workers 1": (0, "2 entries in 1 camera files"),
-    "registry export fc6310r/5472 --public --out new/k": (0, "a draft for review"),
     "registry add lab --make DJI --model FC330 --yes": (0, "new"),
     "registry retire fc6310r/4864x3648 --reason 'no longer flown'": (0, "retired"),
     "registry push ./hub.git": (0, "origin"),

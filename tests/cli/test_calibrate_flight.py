@@ -82,7 +82,7 @@ def test_a_good_flight_becomes_the_k_of_its_images(
     seclude(monkeypatch, tmp_path)
     monkeypatch.chdir(tmp_path)
     simulated(GOOD)
-    assert main(["registry", "init", "fleet", "--yes"]) == 0
+    assert main(["registry", "init", "fleet"]) == 0
     flags = ["--html", "flight.html", "--out", "camera.xml", "--to", "agisoft_xml"]
     keep = ["--registry", "fleet", "--yes", "--approve", "--reason", "flown for it"]
     capsys.readouterr()
@@ -168,7 +168,7 @@ def test_another_programs_reconstruction_is_judged_as_our_own(
     monkeypatch.setitem(sys.modules, "pycolmap", None)
     images = flight(tmp_path / "flight", SMALL)
     write_colmap(tmp_path / "project/sparse/0", *fly(SMALL, SEED))
-    assert main(["registry", "init", "fleet", "--yes"]) == 0
+    assert main(["registry", "init", "fleet"]) == 0
     capsys.readouterr()
     keep = ["--registry", "fleet", "--yes", "--html", "r.html", "--json"]
     assert main(["calibrate", "flight", str(images), "--from", "project", *keep]) == 1

@@ -121,7 +121,6 @@ def test_the_name_alone_shows_the_commands_by_job(capsys: pytest.CaptureFixture[
             "calibrary registry hold: the following arguments are required: --reason, as in 'calibrary registry hold",
         ),
         (["registry"], "calibrary registry: the following arguments are required: COMMAND"),
-        (["registry", "show"], "calibrary registry show: expected KEY[@REV], or --textconv FILE"),
         (
             ["calibrate", "board", "x"],
             "calibrary calibrate board: the following arguments are required: --out, --square-mm",

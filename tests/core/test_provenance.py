@@ -18,9 +18,8 @@ from calibrary.jobs.site.building import entry_files
 from calibrary.jobs.site.folder import Place
 from calibrary.pages import render_page
 from calibrary.parsers.format import STATED
-from calibrary.provenance import ABOUT, HOW_MADE, About, Provenance, SourceFile, facts, label
+from calibrary.provenance import ABOUT, HOW_MADE, Provenance, SourceFile, facts, label
 from calibrary.records import replace
-from calibrary.registry.contribution import _without_names
 from calibrary.registry.fields import entry_row, entry_rows, known_fields
 from calibrary.registry.query import find_field, parse_where, select
 from tests.registry.entries import an_entry
@@ -117,16 +116,6 @@ def test_what_a_user_states_replaces_or_completes_what_the_source_states() -> No
     assert of_it == {name: str(getattr(said, name)) for name in FLAGS}
     assert said.completing(MADE) == MADE
     assert len([*said.warnings(MADE)]) == len(FLAGS)
-
-
-def test_only_what_is_declared_public_leaves_a_registry() -> None:
-    left = _without_names(MADE)
-    assert {
-        name for name, one in ABOUT.items() if one.public and getattr(left, name) != getattr(MADE, name)
-    } == set()
-    private = set(ABOUT) - {name for name, one in ABOUT.items() if one.public} - {"source", "sources"}
-    assert {name for name in private if getattr(left, name)} == set()
-    assert not About().public
 
 
 def test_a_calibration_file_may_state_how_it_was_made() -> None:

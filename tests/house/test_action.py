@@ -34,7 +34,7 @@ def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
         for name, value in {"NAME": "Ada", "EMAIL": "ada@example.com"}.items():
             patch.setenv(f"GIT_AUTHOR_{name}", value)
             patch.setenv(f"GIT_COMMITTER_{name}", value)
-        assert main(["registry", "init", str(folder / "fleet"), "--yes"]) == 0
+        assert main(["registry", "init", str(folder / "fleet")]) == 0
         patch.setenv("CALIBRARY_REGISTRY", str(folder / "fleet"))
         add(xml(folder / "a.xml"), "--approve")
         # What it takes to approve is asked for from here on, by the branch that changes go to.

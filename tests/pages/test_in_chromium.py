@@ -87,7 +87,7 @@ def written_by_commands(out: Path) -> None:
         seclude(patch, out / "home")
         patch.chdir(out)
         named = ["--registry", str(registry)]
-        assert main(["registry", "init", str(registry), "--yes"]) == 0
+        assert main(["registry", "init", str(registry)]) == 0
         assert main(["registry", "audit", str(out / "flight"), *named, "--html", "audit.html"]) == 1
         assert main(["onboard", str(payload), *named, "--yes", "--html", "onboard.html"]) == 0
         pair = [str(payload / "a.jpg"), str(out / "flight/valid.jpg")]

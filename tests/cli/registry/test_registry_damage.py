@@ -242,15 +242,6 @@ def test_an_object_whose_bytes_are_broken_is_refused(
     refused(capsys, ("registry", "show", P4R), ("content of another one",))
 
 
-def test_signatures_are_of_the_commits_that_are_there(
-    broken: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    new, old = (objects(broken, git(broken, "rev-parse", name)) for name in ("HEAD~1", "HEAD~2"))
-    new.chmod(0o644)
-    new.write_bytes(old.read_bytes())
-    refused(capsys, ("registry", "check", "--signatures"), ("content of another one",))
-
-
 @pytest.mark.parametrize("command", ["check", "list", "resolve", "show"])
 def test_a_file_much_too_large_is_told_by_its_path(
     command: str, fleet: Path, capsys: pytest.CaptureFixture[str]

@@ -226,10 +226,7 @@ def test_what_cannot_be_written_is_refused_before_an_entry_is_read(
     "words",
     [
         ("--to", "odm", "--max-error-px", "-1"),
-        ("--public",),
         ("fc6310r",),
-        ("fc6310r", "--public", "--to", "odm"),
-        ("fc6310r", "--public", "--status", "held"),
     ],
 )
 def test_arguments_that_do_not_go_together_are_a_usage_error(

@@ -1,19 +1,13 @@
-"""``registry log``, ``blame``, ``show`` and ``list``: what there is, and what became of it."""
+"""``registry log``, ``show`` and ``list``: what there is, and what became of it."""
 
 from __future__ import annotations
 
-import shutil
-import sys
 from pathlib import Path
 
 import pytest
 
-from calibrary.calibration import Quality
 from calibrary.cli.main import main
-from calibrary.registry.entry_yaml import entry_yaml
-from calibrary.registry.init import DRIVER, DRIVER_COMMAND
 from tests.cli.registry.fleets import P4R, add, held, looked_at, printed, run, xml
-from tests.registry.entries import an_entry, covariance
 from tests.registry.git.repositories import git
 
 
@@ -73,47 +67,6 @@ def test_a_removed_entry_is_told_by_its_whole_id(kept: Path, capsys: pytest.Capt
     assert run(capsys, "log", "dji/fc9999/1x1")[0] == 4
 
 
-def test_blame_tells_since_when_each_field_says_what_it_says(
-    kept: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    fields = {
-        one["field"]: one
-        for one in printed(capsys, "registry-blame-1", "log", "fc6310r", "--fields")["fields"]
-    }
-    commits = git(kept, "log", "--format=%H", "-3").splitlines()
-    assert fields["intrinsics.fx"]["commit"] == commits[0]
-    assert fields["intrinsics.fx"]["reason"] == "new firmware"
-    assert fields["status"]["commit"] == commits[1]
-    assert fields["distortion.k1"]["commit"] == commits[2]
-
-
-def test_blame_agrees_with_gits_own_of_the_file(kept: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    fields = {
-        one["field"]: one
-        for one in printed(capsys, "registry-blame-1", "log", "fc6310r", "--fields")["fields"]
-    }
-    lines = git(kept, "blame", "-l", "-s", "--root", "-C1", f"cameras/{P4R}.yaml").splitlines()
-    by_git = {line.partition(")")[2].partition(":")[0].strip(): line[:40] for line in lines if ":" in line}
-    for field in ("status", "reason", "intrinsics.fx", "intrinsics.cx", "distortion.k1", "provenance.sha256"):
-        assert fields[field]["commit"] == by_git[field.rpartition(".")[2]]
-
-
-def test_blame_of_a_field_that_came_back_names_its_return(
-    kept: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    add(xml(tmp_path / "a.xml"), "--firmware", "01.08", "--approve", "--reason", "back to the old firmware")
-    [fx] = printed(capsys, "registry-blame-1", "log", "fc6310r", "--fields", "intrinsics.fx")["fields"]
-    assert (fx["value"], fx["commit"]) == (3660.5, git(kept, "rev-parse", "HEAD"))
-
-
-@pytest.mark.usefixtures("kept")
-def test_blame_knows_its_fields(capsys: pytest.CaptureFixture[str]) -> None:
-    code, out, _ = run(capsys, "log", "fc6310r", "--fields", "intrinsics")
-    assert (code, len(out.splitlines())) == (0, 6)
-    assert main(["registry", "log", "fc6310r", "--fields", "colour"]) == 2
-    assert "it has status" in capsys.readouterr().err
-
-
 @pytest.mark.usefixtures("kept")
 def test_show_tells_what_an_entry_is_and_was(capsys: pytest.CaptureFixture[str]) -> None:
     document = printed(capsys, "registry-show-1", "show", "fc6310r@firmware:01.08")
@@ -139,57 +92,12 @@ def test_show_prints_the_file_as_it_stands(kept: Path, capfdbinary: pytest.Captu
     assert capfdbinary.readouterr().out == (kept / f"cameras/{P4R}.yaml").read_bytes()
 
 
-@pytest.mark.parametrize(
-    "arguments", [(), ("fc6310r", "--textconv", "x.yaml"), ("fc6310r", "--diff", "HEAD", "--yaml")]
-)
+@pytest.mark.parametrize("arguments", [(), ("fc6310r", "--diff", "HEAD", "--yaml")])
 @pytest.mark.usefixtures("kept")
 def test_show_wants_one_thing_to_show(arguments: tuple[str, ...]) -> None:
     with pytest.raises(SystemExit) as ended:
         main(["registry", "show", *arguments])
     assert ended.value.code == 2
-
-
-@pytest.mark.usefixtures("fleet")
-def test_git_diff_can_show_an_entry_by_its_fields(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    quality = Quality(rms_px=0.3, covariance=covariance())
-    file = tmp_path / "entry.yaml"
-    file.write_bytes(entry_yaml(an_entry(fx=3661.123456789012, quality=quality)))
-    code, out, _ = run(capsys, "show", "--textconv", file)
-    lines = [line.split() for line in out.splitlines()]
-    assert code == 0
-    assert ["intrinsics.fx", "3661.123456789012", "±", repr(covariance().std["fx"]), "px"] in lines
-    assert ["distortion.k1", "-0.262", "±", repr(covariance().std["k1"])] in lines
-
-
-def test_git_diff_is_not_stopped_by_a_file_that_is_no_entry(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    file = tmp_path / "broken.yaml"
-    file.write_bytes(b"fx: [1,\n\x1b[31mred\n")
-    code, out, _ = run(capsys, "show", "--textconv", file)
-    assert code == 0
-    assert "fx: [1," in out
-    assert "\x1b" not in out
-    assert run(capsys, "show", "--textconv", tmp_path / "none.yaml")[0] == 0
-
-
-@pytest.mark.parametrize("at_hand", [True, False])
-def test_git_runs_the_driver_that_init_sets_up_or_shows_the_file(
-    kept: Path, at_hand: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    if at_hand:
-        program = tmp_path / "calibrary"
-        program.write_text(f"#!/bin/sh\nexec '{sys.executable}' -m calibrary \"$@\"\n")
-        program.chmod(0o755)
-    tools = Path(shutil.which("git") or "").parent
-    monkeypatch.setenv("PATH", f"{tmp_path}:{tools}:/usr/bin:/bin")
-    git(kept, "config", DRIVER, DRIVER_COMMAND)
-    lines = [line.split() for line in git(kept, "diff", "--unified=0", "HEAD~1").splitlines()]
-    if at_hand:
-        assert ["-intrinsics.fx", "3660.5", "px"] in lines
-        assert ["+intrinsics.fx", "3663.0", "px"] in lines
-    else:
-        assert ["+", "fx:", "3663.0"] in lines
 
 
 def test_list_and_show_print_one_form_of_an_entry(kept: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -15,7 +15,7 @@ from calibrary.errors import InputError
 from calibrary.policy import SOURCE
 from calibrary.registry.configuration import configuration_yaml, parse_configuration
 from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.init import DRIVER, DRIVER_COMMAND, example_entry
+from calibrary.registry.init import example_entry
 from calibrary.registry.registry import Registry
 from calibrary.schemas import require
 from calibrary.strictyaml import load_yaml
@@ -71,10 +71,10 @@ def test_this_folder_is_the_place_where_none_is_named(
 
 
 def test_its_json_keeps_the_schema(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    _, out, _ = run(capsys, "init", tmp_path / "fleet", "--yes", "--json")
+    _, out, _ = run(capsys, "init", tmp_path / "fleet", "--json")
     document = json.loads(out)
     require(document, "registry-begun-1")
-    assert (named(document["files"]), document["textconv"]) == (FILES, True)
+    assert named(document["files"]) == FILES
 
 
 def test_the_readmes_example_is_an_entry_of_no_camera(fleet: Path) -> None:
@@ -100,18 +100,6 @@ def test_changes_by_hand_are_checked_and_have_an_owner(fleet: Path) -> None:
     assert "entry: calibrary registry check --worktree" in hooks
     owners = [line for line in (fleet / ".github/CODEOWNERS").read_text().splitlines() if line[0] != "#"]
     assert owners == [f"/{name} ada@example.com" for name in ("cameras/", "registry.yaml", ".github/")]
-
-
-def test_git_diff_shows_fields_only_where_the_user_agreed(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    _, _, err = run(capsys, "init", tmp_path / "asked-nobody")
-    run(capsys, "init", tmp_path / "agreed", "--yes")
-    assert f"config {DRIVER} '{DRIVER_COMMAND}'" in err
-    git(tmp_path / "asked-nobody", "config", "--local", DRIVER, code=1)
-    assert git(tmp_path / "agreed", "config", "--local", DRIVER) == DRIVER_COMMAND
-    path = f"cameras/{P4R}.yaml"
-    assert git(tmp_path / "agreed", "check-attr", "diff", path) == f"{path}: diff: calibrary"
 
 
 def test_a_repository_without_a_commit_is_begun_in(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from calibrary.calibration import Grade
 from calibrary.cli.main import main
 from calibrary.errors import RegistryError, UsageError
 from calibrary.jobs.audit.findings import age_finding, due_again
-from calibrary.jobs.audit.status import Kind, Matter, RegistryStatus, calendar
+from calibrary.jobs.audit.status import Kind
 from calibrary.records import replace
 from calibrary.registry.configuration import Repeat
 from calibrary.registry.entry import Status, Validity
@@ -124,9 +124,7 @@ def test_a_statement_without_effect_comes_first(fleet: Path, capsys: pytest.Capt
     assert [kind for kind, _, _ in queue(capsys)] == ["statement without effect", "validity ends"]
 
 
-def test_what_ends_soon_is_told_with_its_day_and_written_as_a_calendar(
-    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_ends_soon_is_told(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
     soon, later = TODAY + timedelta(days=20), TODAY + timedelta(days=40)
     put(
         fleet,
@@ -134,11 +132,8 @@ def test_what_ends_soon_is_told_with_its_day_and_written_as_a_calendar(
         an_entry(model="LATER", validity=Validity(last=later)),
     )
     assert [what.partition("/5")[0] for _, what, _ in queue(capsys)] == ["dji/soon"]
-    queue(capsys, "--within-days", "60", "--ics", tmp_path / "due.ics")
-    text = (tmp_path / "due.ics").read_bytes().decode()
-    assert [line for line in text.split("\r\n") if line.startswith("DTSTART")] == [
-        f"DTSTART;VALUE=DATE:{day:%Y%m%d}" for day in (soon, later)
-    ]
+    [_, (_, what, _)] = queue(capsys, "--within-days", "60")
+    assert what.partition("/5")[0] == "dji/later"
 
 
 def test_what_is_old_by_its_firmware_is_to_be_made_again_today_whenever_its_age_would_say_so(
@@ -203,16 +198,6 @@ def test_the_day_from_which_a_calibration_is_old_is_the_first_on_which_it_is_cal
     rule = Repeat(of="dji", months=months)
     assert age_finding(entry, due, rule, has_flown=True) is not None
     assert age_finding(entry, due - timedelta(days=1), rule, has_flown=True) is None
-
-
-def test_a_calendar_is_folded_and_escaped_as_its_readers_want_it() -> None:
-    matter = Matter(kind=Kind.ENDS, what="dji/ü", text="a, b; c\\d" + " long" * 40, due=date(2026, 3, 1))
-    found = RegistryStatus(registry="x", commit=None, day=TODAY, person=None, entries=1, matters=(matter,))
-    lines = calendar(found).encode().split(b"\r\n")
-    assert max(map(len, lines)) <= 75
-    text = b"".join(line[1:] if line.startswith(b" ") else b"\n" + line for line in lines).decode()
-    assert "\nDESCRIPTION:a\\, b\\; c\\\\d long" in text
-    assert "\nDTSTART;VALUE=DATE:20260301\n" in text
 
 
 def test_python_has_the_same_answer(fleet: Path) -> None:

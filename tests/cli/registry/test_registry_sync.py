@@ -35,7 +35,7 @@ def twin(fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Pat
     code, _, err = run(capsys, "push", tmp_path / "remote.git")
     assert code == 0
     assert "origin is" in err
-    assert run(capsys, "init", tmp_path / "twin", "--remote", tmp_path / "remote.git", "--yes")[0] == 0
+    assert run(capsys, "init", tmp_path / "twin", "--remote", tmp_path / "remote.git")[0] == 0
     return tmp_path / "twin"
 
 
@@ -427,7 +427,7 @@ def test_commits_of_another_registry_are_not_proposed(
     twin: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     git(tmp_path, "init", "--quiet", "--bare", "--initial-branch=main", "other.git")
-    assert run(capsys, "init", tmp_path / "stranger", "--yes")[0] == 0
+    assert run(capsys, "init", tmp_path / "stranger")[0] == 0
     run(capsys, "push", tmp_path / "other.git", "--registry", tmp_path / "stranger")
     git(twin, "remote", "set-url", "origin", str(tmp_path / "other.git"))
     before = commit_of(twin)
@@ -445,7 +445,7 @@ class TestStatements:
         put(fleet, MINE, self.UNIT)
         git(tmp_path, "init", "--quiet", "--bare", "--initial-branch=main", "remote.git")
         run(capsys, "push", tmp_path / "remote.git")
-        run(capsys, "init", tmp_path / "twin", "--remote", tmp_path / "remote.git", "--yes")
+        run(capsys, "init", tmp_path / "twin", "--remote", tmp_path / "remote.git")
         for place in (fleet, tmp_path / "twin"):
             assert run(capsys, "list", "--registry", place)[0] == 0
             assert Registry.open(place).snapshot().is_stated

@@ -248,7 +248,6 @@ def test_extract_names_a_unit_as_its_keeper_does(
     [
         (("--out", "t.csv", "label=P4R-09"), "sets nothing"),
         (("--out", "t.csv", "--table", "u.csv"), "sets nothing"),
-        (("--excel", "label=P4R-09", "P4R-01"), "--excel is the form of --out FILE"),
     ],
 )
 def test_to_write_the_table_and_to_set_something_are_two_commands(

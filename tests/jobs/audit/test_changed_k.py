@@ -25,7 +25,7 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     seclude(monkeypatch, tmp_path)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("CALIBRARY_REGISTRY", str(tmp_path / "fleet"))
-    assert main(["registry", "init", "fleet", "--yes"]) == 0
+    assert main(["registry", "init", "fleet"]) == 0
     add(xml(tmp_path / "used.xml"), "--approve", "--date", TODAY)
     phantom(tmp_path / "flight" / "a.jpg")
     return tmp_path

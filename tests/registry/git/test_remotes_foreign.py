@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from calibrary.errors import RegistryError
-from calibrary.registry.git.history import changed, history, signatures
+from calibrary.registry.git.history import changed, history
 from calibrary.registry.git.program import check_url, without_secret
 from calibrary.registry.git.remotes import clone, fetch, pull, push, set_remote
 from calibrary.registry.git.repository import Repository, maintain
@@ -164,7 +164,6 @@ def use_everything_that_reads(repo: Repository) -> None:
     assert tip is not None
     assert history(repo, ENTRY, tip)
     assert changed(repo, None, tip)
-    assert signatures(repo, [tip], None)
     assert list(repo.objects([*repo.listing(tip).values()]))
     maintain(repo)
     repo.close()

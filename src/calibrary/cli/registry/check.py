@@ -23,9 +23,8 @@ examples:
   calibrary registry check                               all that is committed
   calibrary registry check origin/main..HEAD             what a branch changes, and what that affects
   calibrary registry check --worktree                    the files in the folder, before they are committed
-  calibrary registry check --signatures --allowed-signers signers origin/main..HEAD
 
-exit code 0: no error, possibly warnings; 1: at least one error, or a commit that no listed signer signed.
+exit code 0: no error, possibly warnings; 1: at least one error.
 """
 
 
@@ -58,8 +57,6 @@ def _show(screen: Screen, done: CheckDocument) -> None:
         style = styles.get(finding.severity.value, "")
         place, severity = plain(finding.place or ""), f"[{style}]{finding.severity.value}[/]"
         screen.say(f"{place}: {severity}: {plain(said)} [dim]({finding.rule})[/]")
-    for line in done.unsigned or ():
-        screen.say(f"[bold red]not signed[/]: {plain(line)}")
     errors = len(done.errors)
     warnings = len(done.findings) - errors
     counts = f"{errors} error{'s' * (errors != 1)}, {warnings} warning{'s' * (warnings != 1)}"

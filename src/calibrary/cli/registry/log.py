@@ -1,4 +1,4 @@
-"""``calibrary registry log``: show the revisions of an entry or of all, or who last changed each field."""
+"""``calibrary registry log``: show the revisions of an entry or of all."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from calibrary.cli.commands import add_json_flag, print_json
 from calibrary.cli.flags import add_flags, call
 from calibrary.cli.registry import add_registry_flag, note_cut, opened
-from calibrary.cli.registry.changes import field_text
 from calibrary.cli.tables import Column, fitted
 from calibrary.jobs.fleet import Fleet
 
@@ -17,7 +16,7 @@ if TYPE_CHECKING:
 
     from rich.text import Text
 
-    from calibrary.jobs.fleet import BlamedField, BlameReport, LoggedRevision, LogReport
+    from calibrary.jobs.fleet import LoggedRevision
 
 DESCRIPTION = "List the revisions of an entry with what changed in its K, or all commits."
 EXAMPLES = """\
@@ -25,15 +24,12 @@ examples:
   calibrary registry log                     every commit
   calibrary registry log fc6310r             every revision of an entry, with what changed in K
   calibrary registry log fc6310r -n 5 --json
-  calibrary registry log fc6310r --fields              for each field, the commit that last changed it
-  calibrary registry log fc6310r --fields intrinsics distortion.k1
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     add_flags(parser, Fleet.history, positional={"key": "KEY"}, spelled={"most": ("-n", "--most")})
-    add_flags(parser, Fleet.blame, without=("key",), listed=("fields",))
     add_registry_flag(parser)
     add_json_flag(parser)
 
@@ -43,17 +39,8 @@ def run(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import out
 
     registry, screen = opened(arguments), out(arguments)
-    if arguments.fields is not None:
-        if arguments.key is None or arguments.most is not None:
-            arguments.parser.error(
-                "--fields is of one entry, as it is: expected KEY before it, and no --most"
-            )
-        blamed = call(registry.blame, arguments)
-        found: LogReport | BlameReport = blamed
-        lines = _by_field(blamed.fields, screen.width)
-    else:
-        found = logged = call(registry.history, arguments)
-        lines = (_of_all if arguments.key is None else _of_one)(logged.revisions, screen.width)
+    found = call(registry.history, arguments)
+    lines = (_of_all if arguments.key is None else _of_one)(found.revisions, screen.width)
     if arguments.json:
         print_json(found)
     else:
@@ -81,16 +68,6 @@ OF_ALL = (
     Column(name="by", rank=4),
     Column(name="what", rank=2, wraps=True),
     Column(name="cameras", rank=3, wraps=True),
-    Column(name="reason", rank=3, wraps=True),
-)
-
-
-BY_FIELD = (
-    Column(name="field"),
-    Column(name="value", wraps=True),
-    Column(name="commit", rank=1),
-    Column(name="date", rank=2),
-    Column(name="by", rank=4),
     Column(name="reason", rank=3, wraps=True),
 )
 
@@ -137,23 +114,6 @@ def _of_all(revisions: Sequence[LoggedRevision], width: int) -> list[Text]:
         cameras = ", ".join(one.cameras[:3]) + more
         rows.append((*_commit(one), plain(one.subject), plain(cameras), plain(one.reason or "")))
     return fitted(OF_ALL, rows, width)
-
-
-def _by_field(fields: Sequence[BlamedField], width: int) -> list[Text]:
-    from calibrary.cli.console import plain
-
-    rows = [
-        (
-            plain(one.field),
-            plain(field_text(one.value)),
-            one.commit[:10],
-            f"{one.date:%Y-%m-%d}",
-            plain(one.author),
-            plain(one.reason or one.subject),
-        )
-        for one in fields
-    ]
-    return fitted(BY_FIELD, rows, width)
 
 
 def _commit(one: LoggedRevision) -> tuple[str, str, str]:

@@ -76,7 +76,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         groups={TABLE: ("table",)},
         without=("keys", "changes", "force", "branch", "valid_from", "valid_until"),
     )
-    add_flags(parser, Fleet.write_table, groups={TABLE: ("out", "excel")}, optional=("out",))
+    add_flags(parser, Fleet.write_table, groups={TABLE: ("out",)}, optional=("out",))
     parser.add_argument("--dry-run", action="store_true", help="show what would change, and write nothing")
     add_registry_flag(parser)
     add_yes_flag(parser)
@@ -94,8 +94,6 @@ def run(arguments: argparse.Namespace) -> int:
                 "--out writes a table and sets nothing; leave out KEY, FIELD=VALUE and --table"
             )
         return _written(arguments, registry)
-    if arguments.excel:
-        arguments.parser.error("--excel is the form of --out FILE")
     change = call(registry.propose_edit, arguments, keys=keys, changes=changes)
     return decide(
         arguments,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from calibrary.cli.commands import print_json
 from calibrary.cli.flags import add_flags, call
 from calibrary.cli.registry import add_registry_flag, note_cut, opened
-from calibrary.jobs.fleet import Fleet, entry_text
+from calibrary.jobs.fleet import Fleet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,7 +26,6 @@ examples:
   calibrary registry show fc6310r@firmware:01.09        as it was made for that firmware
   calibrary registry show fc6310r --diff v2026.1        what changed since that tag
   calibrary registry show fc6310r --yaml                the file itself
-  calibrary registry show --textconv FILE               an entry's file as git diff shows it
 """
 
 
@@ -37,31 +36,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         Fleet.show,
         positional={"key": "KEY[@REV]"},
         spelled={"against": "--diff"},
-        optional=("key",),
     )
     add_registry_flag(parser)
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="print one JSON document on standard output")
     form.add_argument("--yaml", action="store_true", help="print the file of the entry")
-    add_flags(parser, entry_text, optional=("textconv",))
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    if (arguments.key is None) == (arguments.textconv is None):
-        arguments.parser.error("expected KEY[@REV], or --textconv FILE")
-    if arguments.textconv is not None:
-        return _convert(arguments)
     if arguments.against is not None and arguments.yaml:
         arguments.parser.error("--diff: not together with --yaml; git diff compares files")
     return _show(arguments)
-
-
-def _convert(arguments: argparse.Namespace) -> int:
-    """Act as git's textconv driver; must not fail, because git would then show nothing."""
-    # Git reads bytes, whatever the terminal's encoding.
-    sys.stdout.buffer.write(call(entry_text, arguments).encode("utf-8", "backslashreplace"))
-    return 0
 
 
 def _show(arguments: argparse.Namespace) -> int:

@@ -21,7 +21,6 @@ EXAMPLES = """\
 examples:
   calibrary registry site public/               open public/index.html; no server is needed
   calibrary registry site --registry fleet/ /srv/www/cameras
-  calibrary registry site public/ --labels https://cameras.example.com/    also QR codes of the units, to print
 
 OUT is replaced as a whole, and only if it is new, empty, or an earlier site. The same commit gives the same bytes.
 "calibrary desk" shows the pages of the registry as it is now in a browser, and works with it.

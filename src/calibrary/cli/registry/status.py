@@ -31,7 +31,7 @@ EXAMPLES = """\
 examples:
   calibrary registry status                                  what waits, and for whom
   calibrary registry status flights/2026-04                  also what these flights show, as an audit does
-  calibrary registry status --within-days 90 --ics due.ics   the next three months, and as a calendar
+  calibrary registry status --within-days 90            the next three months
   calibrary registry status --published https://cameras.example.com/
 
 exit code 0: nothing waits for you; 1: something does, or for anybody; 3: a folder cannot be read; 4: the registry.

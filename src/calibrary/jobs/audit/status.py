@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from datetime import UTC, date, datetime, timedelta
+from datetime import date, timedelta
 from enum import StrEnum
 from functools import partial
-from typing import Final
 
 from msgspec import Struct
 
@@ -29,9 +28,6 @@ from calibrary.registry.standing import Book, Epoch
 from calibrary.registry.statements import Signed, content_of, subject_of
 from calibrary.registry.stating import who_states
 from calibrary.validation import Severity
-
-LONGEST_LINE: Final = 73
-"""Octets of a line of a calendar before it goes on in the next; RFC 5545 allows 75."""
 
 
 class Kind(StrEnum):
@@ -397,44 +393,3 @@ def _flown(audited: AuditReport | None) -> Iterator[Matter]:
             yield Matter(
                 kind=Kind.FLIGHTS, what=what, text=f"{one.rule}: {one.message}", yours=True, next=one.remedy
             )
-
-
-def calendar(found: RegistryStatus) -> str:
-    """Return the days of a status as an iCalendar file (RFC 5545), one event a matter with a due day.
-
-    An event keeps its identity while its matter and its day stay, so that a program that subscribes to the file shows
-    it once.
-    """
-    stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
-    lines = ["BEGIN:VCALENDAR", "VERSION:2.0", "PRODID:-//calibrary//registry status//EN"]
-    for one in found.matters:
-        if one.due is None:
-            continue
-        lines += [
-            "BEGIN:VEVENT",
-            f"UID:{_escaped(f'{one.kind}/{one.what}/{one.due}').replace(' ', '-')}@calibrary",
-            f"DTSTAMP:{stamp}",
-            f"DTSTART;VALUE=DATE:{one.due:%Y%m%d}",
-            f"SUMMARY:{_escaped(f'{one.what}: {one.kind}')}",
-            f"DESCRIPTION:{_escaped('. '.join(filter(None, (one.text, one.next))))}",
-            "END:VEVENT",
-        ]
-    return "".join(f"{_folded(line)}\r\n" for line in [*lines, "END:VCALENDAR"])
-
-
-def _escaped(text: str) -> str:
-    for one in ("\\", ";", ","):
-        text = text.replace(one, f"\\{one}")
-    return " ".join(text.split())
-
-
-def _folded(line: str) -> str:
-    """Break a line after :data:`LONGEST_LINE` octets, never within a character."""
-    parts, length = [""], 0
-    for character in line:
-        length += len(character.encode())
-        if length > LONGEST_LINE:
-            parts.append("")
-            length = len(character.encode())
-        parts[-1] += character
-    return "\r\n ".join(parts)

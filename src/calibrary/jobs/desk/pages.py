@@ -11,7 +11,7 @@ from datetime import date
 from importlib import resources
 from pathlib import Path, PurePosixPath
 from typing import Final
-from urllib.parse import parse_qsl, quote, urlencode, urlsplit
+from urllib.parse import parse_qsl, quote, urlencode
 
 import numpy as np
 from msgspec import Struct
@@ -28,14 +28,12 @@ from calibrary.errors import (
     AmbiguousCameraError,
     CalibraryError,
     InputError,
-    MissingExtraError,
     RegistryError,
     UnknownCameraError,
 )
-from calibrary.extras import LABELS, require
 from calibrary.jobs.desk import boards, comparing, flights, onboarding
 from calibrary.jobs.desk.flights import Drop
-from calibrary.jobs.desk.guard import LOCAL, LOOPBACK, Keys
+from calibrary.jobs.desk.guard import Keys
 from calibrary.jobs.desk.review import decided, decision, decision_forms, proposal, queue
 from calibrary.jobs.desk.running import REPORT, SAME, desk_page, running
 from calibrary.jobs.desk.work import PATIENCE_S, Job, Jobs
@@ -53,7 +51,6 @@ from calibrary.jobs.site.camera_page import (
     steps,
 )
 from calibrary.jobs.site.folder import INDEX, Place
-from calibrary.jobs.site.labels import code_of
 from calibrary.jobs.weigh.use import allowed
 from calibrary.known_camera import KnownCamera
 from calibrary.pages import (
@@ -64,7 +61,6 @@ from calibrary.pages import (
     Column,
     Details,
     Field,
-    Figure,
     Form,
     Frame,
     KeyValues,
@@ -602,7 +598,6 @@ class Pages:
                 *_program_flags(K),
                 Link("Compare it with another state of it, or a file", f"/compare?{urlencode({'b': id_})}"),
                 self._command("registry", "show", id_),
-                Details(summary="QR code", blocks=tuple(_code(asked.home, _place(path)))),
             ),
         )
         decide = Section(title="Decide", blocks=tuple(decision_forms(id_, stored.base or "")))
@@ -682,23 +677,6 @@ def _good_for(calibration: Calibration, fleet: Fleet) -> Iterator[Block]:
     said = f"{USES[found.use.value]}: {found.why}."
     yield KeyValues((("use", Badge(found.use.value, Tone.GOOD if found.use == "fixed" else Tone.CAUTION)),))
     yield said
-
-
-def _code(home: str, place: Place) -> Iterator[Block]:
-    """The QR code that opens a page; of a desk that no telephone can reach, what prints one."""
-    if urlsplit(home).hostname in {LOOPBACK, LOCAL}:
-        yield "No telephone reaches this address; it reaches a desk with --host. Labels for pages served elsewhere:"
-        yield Code(text="calibrary registry site FOLDER --labels https://HOST/PATH/", label="In a terminal")
-        return
-    try:
-        require(LABELS, "a QR code")
-    except MissingExtraError as error:
-        yield str(error)
-        return
-    address = home + quote(place.page, safe="/")
-    yield Figure(
-        svg=code_of(address, light="#ffffff"), alt=f"QR code of {address}", caption=f"It opens {address}"
-    )
 
 
 def _for_programs(files: Sequence[Download], query: str) -> Iterator[Block]:

@@ -49,14 +49,11 @@ if TYPE_CHECKING:
 
     # "as": records that the methods return; the registry declares them, and commands take them from here.
     from calibrary.registry.checks import CheckDocument as CheckDocument
-    from calibrary.registry.contribution import Contribution as Contribution
     from calibrary.registry.entry import Entry as Entry
     from calibrary.registry.fields import Field as Field
     from calibrary.registry.fields import FieldChange as FieldChange
     from calibrary.registry.fields import Row as Row
     from calibrary.registry.history import Approval as Approval
-    from calibrary.registry.history import BlamedField as BlamedField
-    from calibrary.registry.history import BlameReport as BlameReport
     from calibrary.registry.history import LoggedRevision as LoggedRevision
     from calibrary.registry.history import LogReport as LogReport
     from calibrary.registry.history import Recorded as Recorded
@@ -73,7 +70,7 @@ if TYPE_CHECKING:
     from calibrary.registry.sync import EntryConflict as EntryConflict
     from calibrary.registry.sync import SyncReport as SyncReport
 
-__all__ = ["Details", "Fleet", "create_registry", "entry_text", "open_registry"]
+__all__ = ["Details", "Fleet", "create_registry", "open_registry"]
 
 CATALOGUE: Final = "catalogue"
 """In place of a file: the cameras of the catalogue. ``./catalogue`` is a file or folder of that name."""
@@ -353,34 +350,12 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
 
         return log_report(self.registry.history(key, most=most), key)
 
-    def blame(
-        self,
-        key: Key,
-        fields: Sequence[Annotated[str, Meta(title="FIELD")]] = (),
-    ) -> BlameReport:
-        """Show for each field of an entry the commit that last changed it.
-
-        Args:
-            key: key of the entry.
-            fields: for each field of the entry, the commit that last changed it; only these fields and those below
-                them, such as intrinsics or distortion.k1.
-
-        Raises:
-            RegistryError: the entry does not exist.
-            UsageError: the entry has none of these fields.
-        """
-        from calibrary.registry.history import blame
-
-        return blame(self.registry.snapshot(), key, fields)
-
     def check(
         self,
         span: Annotated[str, Meta(title="REV..REV")] | None = None,
         *,
         worktree: bool = False,
         policy: PolicyLike | None = None,
-        signatures: bool = False,
-        allowed_signers: File | None = None,
         progress: Progress | None = None,
     ) -> CheckDocument:
         """Check entries against the schema, their digest, path, provenance, the policy and one another.
@@ -389,14 +364,11 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
             span: only what changed between two revisions.
             worktree: the files of the checkout, committed or not.
             policy: use these limits instead of those in registry.yaml.
-            signatures: also check that a listed signer signed every commit.
-            allowed_signers: file of the ssh keys that may sign, as for ssh-keygen(1), never taken from the repository
-                itself; without it only OpenPGP keys can be verified.
             progress: called with (entries done, number of entries, "entries").
 
         Raises:
             RegistryError: a revision does not exist, or the registry cannot be listed.
-            UsageError: ``worktree`` with ``span`` or ``signatures``, or ``allowed_signers`` without ``signatures``.
+            UsageError: ``worktree`` with ``span``.
 
         >>> calibrary.open_registry("fleet").check().is_good
         True
@@ -405,10 +377,8 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         from calibrary.policy_file import policy_of
         from calibrary.registry import checks
 
-        if worktree and (span is not None or signatures):
-            raise UsageError("--worktree looks at files: it goes with neither REV..REV nor --signatures")
-        if allowed_signers is not None and not signatures:
-            raise UsageError("--allowed-signers goes with --signatures")
+        if worktree and span is not None:
+            raise UsageError("--worktree looks at files: it does not go with REV..REV")
         limits, reported = policy_of(policy) if policy is not None else None, labelled(progress, "entries")
         before, after = checks.parse_range(span) if span is not None else (None, None)
         if worktree:
@@ -421,11 +391,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
 
             policy_used = limits or self.snapshot.configuration.policy
             done = with_material_changes_of_range(done, self.snapshot, policy_used)
-        if not signatures:
-            return done
-        signers = Path(allowed_signers) if allowed_signers is not None else None
-        unsigned = checks.check_signatures(self.snapshot, signers, before=before, after=after)
-        return done.with_signatures(unsigned)
+        return done
 
     def changes(
         self,
@@ -498,7 +464,6 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         within_days: Annotated[int, Meta(ge=0, le=3650)] = 30,
         stale_after_months: Annotated[int, Meta(ge=1, le=1200)] = 24,
         published: Annotated[str | Path, Meta(title="PLACE")] | None = None,
-        ics: File | None = None,
         workers: Workers = 0,
         progress: Progress | None = None,
     ) -> RegistryStatus:
@@ -509,20 +474,18 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
             within_days: tell what ends within so many days.
             stale_after_months: age from which a measured calibration is to be repeated.
             published: address or folder of the published copy, whose age is told.
-            ics: also write the days as a calendar, to which other programs can subscribe.
             workers: number of processes that read images; 0 chooses it.
             progress: called with (images read, number of images, "images").
 
         Raises:
-            InputError: a folder cannot be read, or the calendar cannot be written.
+            InputError: a folder cannot be read.
             RegistryError: the registry cannot be read.
             MissingExtraError: ``published`` is named and python-tuf is not installed.
 
         >>> [matter.what for matter in calibrary.open_registry("fleet").status().matters]
         []
         """
-        from calibrary.atomic import write_files
-        from calibrary.jobs.audit.status import calendar, copy_matter, status
+        from calibrary.jobs.audit.status import copy_matter, status
 
         given = paths(folders)
         audited = (
@@ -531,16 +494,13 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
             else None
         )
         horizon = date.today() + timedelta(days=within_days)
-        done = status(
+        return status(
             self.snapshot,
             within_days=within_days,
             stale_after_months=stale_after_months,
             audited=audited,
             copy=copy_matter(self.snapshot, str(published), horizon) if published is not None else None,
         )
-        if ics is not None:
-            write_files({Path(ics): calendar(done).encode()})
-        return done
 
     def export(
         self,
@@ -579,24 +539,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
             drop_distortion=drop_distortion,
         )
 
-    def contribute(self, key: Annotated[str, Meta(title="KEY")], out: Folder) -> Contribution:
-        """Write an approved entry as a proposal for a public registry, without private data.
-
-        The proposal is of the model, with the evidence behind it (digests, date, tool, σ) and without serial number,
-        label, tags, notes, and names of files and people.
-
-        Args:
-            key: the entry for a public registry.
-            out: a clone of the public registry, or any other folder.
-
-        Raises:
-            RegistryError: the entry is not approved, or cannot be generalised to its camera model.
-        """
-        from calibrary.registry.contribution import contribute
-
-        return contribute(self.snapshot, key, Path(out))
-
-    def write_table(self, out: File, *, where: Sequence[Conditions] = (), excel: bool = False) -> int:
+    def write_table(self, out: File, *, where: Sequence[Conditions] = ()) -> int:
         """Write the entries as a table for a spreadsheet, one row each; return their number.
 
         Label, tags and notes may be edited and taken back with :meth:`propose_edit`; no cell is a formula.
@@ -604,7 +547,6 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         Args:
             out: write the entries as a table to this file, for a spreadsheet.
             where: only entries that meet these conditions; see below.
-            excel: write semicolons, decimal commas and a byte order mark, as Excel reads them.
 
         Raises:
             InputError: the file cannot be written.
@@ -615,7 +557,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         listing = self.listing(where=where)
         if listing.unreadable:
             raise listing.unreadable[0]
-        write_files({Path(out): units_csv(listing.entries, excel=excel)})
+        write_files({Path(out): units_csv(listing.entries)})
         return len(listing.entries)
 
     def lock(
@@ -665,7 +607,6 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         self,
         out: Folder = "site",
         *,
-        labels: Annotated[str, Meta(title="URL")] | None = None,
         workers: Workers = 0,
         progress: Progress | None = None,
     ) -> Site:
@@ -673,8 +614,6 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
 
         Args:
             out: a folder that is new, empty or an earlier site, which is replaced as a whole.
-            labels: URL at which the folder is served: also write labels.html, a sheet to print with a label for each
-                unit, whose QR code opens its page there.
             workers: number of processes that make the pages; 0 for one per processor.
             progress: called with (entries done, number of entries, "pages").
 
@@ -682,20 +621,16 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
             InputError: the folder contains other files.
             MissingExtraError: the libraries for pages are not installed.
         """
-        from calibrary.extras import LABELS, PAGES, require
+        from calibrary.extras import PAGES, require
 
         require(PAGES, "a site")
-        if labels is not None:
-            require(LABELS, "a sheet of labels")
         from calibrary.jobs.site.building import build
         from calibrary.jobs.site.folder import check_out
-        from calibrary.jobs.site.labels import check_address
 
         check_out(Path(out))
         return build(
             self.folder,
             Path(out),
-            labels=check_address(labels) if labels is not None else None,
             workers=workers,
             progress=labelled(progress, "pages"),
         )
@@ -1145,8 +1080,6 @@ def create_registry(
     *,
     remote: Annotated[str, Meta(title="URL")] | None = None,
     bare: bool = False,
-    starter: bool = False,
-    migrate: bool = False,
 ) -> InitReport:
     """Create a registry of camera calibrations in git, or copy one.
 
@@ -1154,40 +1087,15 @@ def create_registry(
         path: folder of the registry (default: this folder, or for a copy the last part of its address).
         remote: copy this registry: https://, ssh://, user@host:path, or a folder.
         bare: without a work tree, for a server.
-        starter: make one that is open to everyone, with a licence, rules of review, and the catalogue as proposals.
-        migrate: found an older registry on statements: what is in use stays in use, in one signed commit.
 
     Raises:
         RegistryError: the folder already contains a registry or other files, or the address cannot be reached.
-        UsageError: two of ``remote``, ``starter`` and ``migrate`` are given, or ``bare`` with ``migrate``.
     """
-    from calibrary.records import replace
     from calibrary.registry.init import folder_for, init, init_from
-    from calibrary.registry.init import migrate as migrated
 
-    if migrate:
-        if remote is not None or starter or bare:
-            raise UsageError("--migrate is for a registry that is there; it goes with none of the others")
-        return migrated(Path(path or ""))
-    if remote is not None and starter:
-        raise UsageError("--starter creates a registry, and --remote copies one; give one of them")
     if remote is not None:
         return init_from(remote, Path(path) if path else folder_for(remote), bare=bare)
-    made = init(Path(path or ""), bare=bare, starter=starter)
-    if starter:
-        made = replace(made, commit=Fleet(made.place).propose(CATALOGUE).write().commit)
-    return made
-
-
-def entry_text(textconv: File) -> str:
-    """Return an entry's file as git diff shows it; for another file, the error and its content.
-
-    Args:
-        textconv: print the fields of an entry's file, one on each line, for git diff.
-    """
-    from calibrary.registry.fields import entry_text
-
-    return entry_text(Path(textconv))
+    return init(Path(path or ""), bare=bare)
 
 
 def _check_catalogue(

@@ -28,7 +28,6 @@ from calibrary.registry.git.errors import FileConflictError, TooLargeError
 from calibrary.registry.git.history import changed
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Written
-from calibrary.registry.init import show_fields
 from calibrary.registry.paths import CAMERAS, PROPOSALS, in_use_path
 from calibrary.registry.proposals import FREELY, ChangeReport, Proposals, change_report, judged, save
 from calibrary.registry.registry import Registry
@@ -37,14 +36,6 @@ from calibrary.validation import Finding, Severity
 
 if TYPE_CHECKING:
     from calibrary.registry.checks import CheckDocument
-
-__all__ = [
-    "ProposedChange",
-    "conflict_changes",
-    "show_fields",
-    "weighed",
-    "with_material_changes_of_range",
-]
 
 
 MATERIAL: Final = "material-change"

@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 from msgspec import Struct
 
-from calibrary.atomic import write_files
 from calibrary.errors import InputError, RegistryError
 from calibrary.jobs.diff.page import badge_of
 from calibrary.jobs.site.camera_page import (
@@ -29,7 +28,6 @@ from calibrary.jobs.site.camera_page import (
     steps,
 )
 from calibrary.jobs.site.folder import INDEX, MARKER, Place, replaced, way
-from calibrary.jobs.site.labels import LABELS, Label, sheet
 from calibrary.pages import Badge, Cell, Column, Link, Note, Page, Section, Table, Tone, render_page
 from calibrary.pages.wording import count, stds_of
 from calibrary.policy import Policy
@@ -39,7 +37,7 @@ from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.history import Revision, histories, history
 from calibrary.registry.history import EntryRevision, of_path
-from calibrary.registry.paths import UNIT, id_of, proposal_path, unit_folder
+from calibrary.registry.paths import id_of, proposal_path
 from calibrary.registry.places import is_published
 from calibrary.registry.registry import Registry
 from calibrary.workers import mapped
@@ -72,7 +70,6 @@ def build(
     registry: Path,
     out: Path,
     *,
-    labels: str | None = None,
     workers: int = 0,
     progress: Progress | None = None,
 ) -> Site:
@@ -81,7 +78,6 @@ def build(
     Args:
         registry: folder of the registry.
         out: a new or empty folder, or an earlier site.
-        labels: address at which the site is served: also make a sheet of labels of the units.
         workers: processes; 0 for one per processor.
         progress: called with the number of entries done and the total.
 
@@ -93,28 +89,7 @@ def build(
         site = build_into(
             folder, registry, published=is_published(str(out)), workers=workers, progress=progress
         )
-        if labels is not None:
-            write_files({folder / LABELS: sheet(_labels(site.cards), labels).encode()})
     return replace(site, root=out)
-
-
-def _labels(cards: Sequence[Card]) -> list[Label]:
-    """The label of each unit; of several entries in use, that of the largest image."""
-    units: dict[str, Card] = {}
-    for card in sorted(cards, key=lambda one: one.pixels):
-        unit = unit_folder(card.path)
-        if unit is not None and card.status is not None and card.status.is_usable:
-            units[unit] = card
-    return [
-        Label(
-            name=card.label or None,
-            camera=f"{card.make} {card.model}",
-            serial=unit.rpartition(f"/{UNIT}")[2].rstrip("/"),
-            entry=card.id,
-            page=card.page or "",
-        )
-        for unit, card in units.items()
-    ]
 
 
 def build_into(
