@@ -77,7 +77,8 @@ def _calibration(evidence: Evidence, name: str) -> list[Calibration]:
     calibration = evidence.calibration(camera_key(scene.metadata, inferred), source_name=name)
     # A width that others list of a camera's name, or that is inferred, speaks against a tag, and is no statement of the
     # image.
-    is_stated = evidence.chosen is not None and evidence.chosen.source not in UNCONFIRMED
+    chosen = evidence.chosen
+    is_stated = chosen is not None and chosen.grade.is_metric and chosen.source not in UNCONFIRMED
     if calibration is not None and is_stated:
         doubts = (f"the image was {done}" for done in originality(scene.metadata, scene.known).done)
         return [replace(calibration, notes=(*calibration.notes, *doubts))]

@@ -217,6 +217,7 @@ class ValidationContext(Struct, frozen=True, kw_only=True):
         weighed: whether the camera is unknown, so that only the sources in its images can be compared.
         sensor_assumed: whether the K is based on an assumed sensor size.
         sensor_given: whether the K is based on a sensor size stated by the user.
+        no_focal: why the catalogue's focal length is used, in words; None if the image states one, or none is needed.
         zoom: factor by which digital zoom may have enlarged the image; K depends on how the camera applies it.
         edits: what was done to the image after the camera wrote it, each a sentence.
         spread: spread of K over the images of this camera, as a fraction of fx.
@@ -229,6 +230,7 @@ class ValidationContext(Struct, frozen=True, kw_only=True):
     weighed: bool = False
     sensor_assumed: bool = False
     sensor_given: bool = False
+    no_focal: str | None = None
     zoom: float = 1.0
     edits: tuple[str, ...] = ()
     spread: float | None = None
@@ -509,6 +511,16 @@ def _sensor_stated(c: Calibration, policy: Policy, context: ValidationContext) -
     )
 
 
+def _focal_stated(_: Calibration, __: Policy, context: ValidationContext) -> Iterator[Finding]:
+    if context.no_focal is not None:
+        yield Finding(
+            rule="focal-stated",
+            severity=Severity.UNPROVEN,
+            message=f"{context.no_focal}; K is the catalogue's, and nothing in the image confirms the lens",
+            remedy=f"ask the pixels (--verify), or {REGISTER}",
+        )
+
+
 def _digital_zoom(c: Calibration, policy: Policy, context: ValidationContext) -> Iterator[Finding]:
     """For an unknown camera, K with digital zoom and K without it are contradicting sources."""
     if context.zoom <= 1.0:
@@ -599,6 +611,7 @@ RULES: Final[Mapping[str, Rule]] = {
     "zero-skew": _zero_skew,
     "source-agreement": _source_agreement,
     "sensor-stated": _sensor_stated,
+    "focal-stated": _focal_stated,
     "digital-zoom": _digital_zoom,
     EDITED: _as_the_camera_wrote_it,
     "distortion-monotonic": _distortion_monotonic,

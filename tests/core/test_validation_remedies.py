@@ -51,6 +51,7 @@ BROKEN = {
     ),
     "source-agreement": (calibration(), ValidationContext(others=(NamedFocal(name="another", fx=9000.0),))),
     "sensor-stated": (calibration(), ValidationContext(sensor_assumed=True)),
+    "focal-stated": (calibration(), ValidationContext(no_focal="EXIF has no FocalLength")),
     "as-recorded": (calibration(), ValidationContext(edits=("the image was cropped by an editor",))),
     "digital-zoom": (calibration(), ValidationContext(zoom=2.0)),
     "distortion-monotonic": (replace(calibration(3657.0, 3657.0), distortion=FOLDED), QUIET),

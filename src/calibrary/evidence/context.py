@@ -89,6 +89,9 @@ or the 36 mm inferred from FocalLength being equal to its 35 mm equivalent."""
 AGREEMENT = 0.05
 """Independent estimates of one focal length agree within this fraction; a larger difference is a conflict."""
 
+EQUAL_FOCAL = 0.01
+"""Two focal lengths in mm count as equal within this fraction."""
+
 SENSOR_AGREEMENT = 0.03
 """Two values of a sensor width confirm each other within this fraction: neither is rounded to whole millimetres."""
 
@@ -196,6 +199,7 @@ class Scene(Struct, frozen=True, kw_only=True):
         given_sensor_mm: sensor (width, height) stated by the user, or None.
         assumed_sensor_mm: sensor (width, height) used when nothing else states one; None for no such fallback.
         weighs: whether the sources of an unknown camera are weighed against each other.
+        fills: whether the catalogue's lens is used where EXIF states no focal length that can be believed.
         listed: the sensor width that public databases list for the camera, if they were consulted.
     """
 
@@ -205,6 +209,7 @@ class Scene(Struct, frozen=True, kw_only=True):
     given_sensor_mm: tuple[float, float] | None = None
     assumed_sensor_mm: tuple[float, float] | None = None
     weighs: bool = False
+    fills: bool = False
     listed: SensorWidth | None = None
 
     @property
@@ -216,10 +221,12 @@ class Scene(Struct, frozen=True, kw_only=True):
 
     @property
     def focal_mm(self) -> float | None:
-        """EXIF's focal length, unless this camera is known to write a wrong one."""
-        if self.known is not None and not self.known.exif_focal_trusted:
-            return None
-        return self.metadata.focal_mm
+        """EXIF's focal length, unless this camera is known to write a wrong one, and it is not that of the lens."""
+        stated, known = self.metadata.focal_mm, self.known
+        if stated is None or known is None or known.exif_focal_trusted:
+            return stated
+        is_nominal = known.focal_mm is not None and abs(stated / known.focal_mm - 1.0) <= EQUAL_FOCAL
+        return stated if is_nominal else None
 
     @property
     def native_size(self) -> ImageSize | None:

@@ -14,7 +14,7 @@ import math
 from collections.abc import Iterator
 
 from calibrary.calibration import Grade, ImageSize, Intrinsics
-from calibrary.evidence.context import AGREEMENT, Dropped, Finding, Scene, Source, numbers
+from calibrary.evidence.context import AGREEMENT, EQUAL_FOCAL, Dropped, Finding, Scene, Source, numbers
 from calibrary.evidence.frame import files_frame
 from calibrary.evidence.metadata import FocalPlaneUnit
 from calibrary.image_size import same_aspect
@@ -22,9 +22,6 @@ from calibrary.image_size import same_aspect
 DIAGONAL_35MM = math.hypot(36.0, 24.0)
 WIDTH_35MM = 36.0
 THERMAL = "thermal"
-EQUAL_FOCAL = 0.01
-"""FocalLength and its 35 mm equivalent count as equal within this fraction."""
-
 PITCH_UM = (0.7, 20.0)
 """Range of pixel pitches implied by a focal plane resolution: from phones to binned images of large sensors."""
 
@@ -120,15 +117,16 @@ def _design(scene: Scene) -> Iterator[Finding]:
     known = scene.known
     if known is None or known.native_size is None or known.zoom_mm is not None:
         return
-    focal_mm, nominal = scene.metadata.focal_mm, known.focal_mm
+    focal_mm, nominal = scene.focal_mm, known.focal_mm
     if focal_mm is None:
-        # Thermal cameras write no FocalLength. Any other camera does: if it is missing, other tags may be lost too.
-        has_optics = known.sub_camera == THERMAL and nominal is not None and known.pitch_um is not None
-        tag = "catalogue focal length ÷ catalogue pitch"
+        # Thermal cameras write no FocalLength.
+        is_thermal = known.sub_camera == THERMAL and nominal is not None and known.pitch_um is not None
+        has_optics = scene.fills or (is_thermal and scene.metadata.focal_mm is None)
     else:
-        is_nominal = nominal is None or abs(focal_mm / nominal - 1.0) <= AGREEMENT
-        has_optics = known.exif_focal_trusted and known.pitch_um is None and is_nominal
-        tag = "catalogue fx"
+        has_optics = known.pitch_um is None and (
+            nominal is None or abs(focal_mm / nominal - 1.0) <= AGREEMENT
+        )
+    tag = "catalogue fx" if known.fx_over_w is not None else "catalogue focal length ÷ catalogue pitch"
     over_width = known.fx_over_w_at(known.focal_mm)
     if has_optics and over_width is not None:
         focal = over_width * known.native_size[0]

@@ -49,9 +49,14 @@ class Evidence(Struct, frozen=True, kw_only=True):
 
     @property
     def chosen(self) -> SourceEstimate | None:
-        """The best estimate of K: the first with a metric grade, otherwise the first that lacks confirmation."""
+        """The best estimate of K: the first with a metric grade, otherwise the first that lacks confirmation.
+
+        Of an unknown camera of which nothing else is known, that is the 35 mm equivalent.
+        """
         whole = [one for one in self.estimates if one.is_whole]
         usable = [one for one in whole if one.grade.is_metric] or [one for one in whole if one.is_k]
+        if not usable and self.scene.weighs:
+            usable = whole
         return usable[0] if usable else None
 
     def calibration(self, camera: CameraKey, source_name: str | None = None) -> Calibration | None:
@@ -104,7 +109,7 @@ def evidence_of(scene: Scene) -> Evidence:
         return Evidence(scene=scene, contradiction=contradiction)
     findings = [finding for source in SOURCES for finding in source.estimates(scene)]
     found = sorted((f for f in findings if isinstance(f, SourceEstimate)), key=lambda estimate: estimate.rank)
-    if any(w.source is not Source.ASSUMED_SENSOR and w.grade.is_metric for w in found):
+    if any(w.source is not Source.ASSUMED_SENSOR and (w.grade.is_metric or scene.weighs) for w in found):
         # An assumed sensor size is not evidence: it must neither confirm nor contradict a K.
         found = [w for w in found if w.source is not Source.ASSUMED_SENSOR]
     dropped = tuple(f for f in findings if isinstance(f, Dropped))

@@ -155,8 +155,8 @@ def test_a_flight_hears_of_what_is_proposed_in_place_of_the_entries_that_it_uses
 
 
 def test_without_a_k_what_is_proposed_is_where_a_solver_may_start(tmp_path: Path) -> None:
-    entry(tmp_path / "registry", "dji/unit", fx=3700.0, status="draft")
-    picture(tmp_path / "flight/0.jpg", make="DJI", model="FC6310R")
+    entry(tmp_path / "registry", "dji/unit", fx=3700.0, status="draft", make="Example", model="One")
+    picture(tmp_path / "flight/0.jpg", make="Example", model="One")
     camera = only(gate(tmp_path / "flight", registry=files(tmp_path / "registry")))
     assert camera.calibration is None
     assert camera.fallback is not None

@@ -24,7 +24,9 @@ def served(folder: Path, **tags: Any) -> JudgedCamera:
 
 
 def fx(camera: JudgedCamera) -> float | None:
-    return camera.calibration.intrinsics.fx if camera.calibration is not None else None
+    """By the entry that is used; None if it is the catalogue's lens."""
+    found = camera.calibration
+    return found.intrinsics.fx if found is not None and found.provenance.kind != "image-metadata" else None
 
 
 @pytest.mark.parametrize("status", ["approved", "held"])
@@ -37,7 +39,7 @@ def test_an_entry_somebody_answers_for_is_used(tmp_path: Path, status: str) -> N
 def test_an_entry_nobody_answers_for_is_not(tmp_path: Path, status: str) -> None:
     entry(tmp_path / "registry", "dji/fc6310r", status=status)
     camera = served(tmp_path)
-    assert camera.verdict is Verdict.REJECTED
+    assert (camera.verdict, fx(camera)) == (Verdict.UNPROVEN, None)
     assert camera.fallback is not None
     assert "no approved entry" in camera.fallback.steps[-1].why
 
@@ -75,7 +77,7 @@ def test_a_camera_with_two_firmwares_is_not_served_by_the_entry_of_one(tmp_path:
     entry(tmp_path / "registry", "dji/firmware", firmware='"01.09"')
     picture(tmp_path / "flight/b.jpg", **STRIPPED, software="01.10")
     camera = served(tmp_path, software="01.09")
-    assert camera.calibration is None
+    assert fx(camera) is None
     assert camera.fallback is not None
     assert "firmware" in camera.fallback.steps[-1].why
 

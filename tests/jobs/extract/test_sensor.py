@@ -120,7 +120,7 @@ def test_a_known_camera_never_gets_the_default_sensor(tmp_path: Path) -> None:
 
 
 def test_no_sensor_makes_a_k_without_a_focal_length(tmp_path: Path) -> None:
-    picture(tmp_path / "a.jpg", make="Example", model="One", focal_35mm=24)
+    picture(tmp_path / "a.jpg", make="Example", model="One")
     camera = only(gate(tmp_path, sensor_mm=(13.2, 8.8)))
     assert (camera.verdict, camera.calibration) == (Verdict.REJECTED, None)
 

@@ -141,9 +141,11 @@ class TestOneSource:
         assert camera.reason is not None
         assert "of any lens" in camera.reason
 
-    def test_a_35_mm_equivalent_alone_is_never_k(self) -> None:
-        camera = only(image(focal_35mm=105.0, **D70))
-        assert (camera.verdict, camera.calibration) == (Verdict.REJECTED, None)
+    @pytest.mark.parametrize("tags", [{}, {"focal_mm": 4.0}], ids=["alone", "beside a focal length"])
+    def test_a_35_mm_equivalent_is_an_unproven_prior(self, tags: dict[str, Any]) -> None:
+        camera = only(image((4000, 3000), focal_35mm=24.0, **tags))
+        assert (camera.verdict, grade_of(camera)) == (Verdict.UNPROVEN, Grade.PRIOR)
+        assert fx_of(camera) == pytest.approx(24 / 43.2666 * 5000, rel=1e-5)
 
 
 class TestContradictions:
@@ -226,16 +228,16 @@ class TestTheAssumedSensor:
     def test_it_stands_while_nothing_speaks_against_it(self) -> None:
         assert only(image((5472, 3648), focal_mm=13.2)).verdict is Verdict.UNPROVEN
 
-    @pytest.mark.parametrize(
-        "tags",
-        [{"size": (4000, 3000)}, {"size": (5472, 3648), "focal_35mm": 60.0}],
-        ids=["the image's proportions", "the equivalent"],
-    )
-    def test_one_contradiction_rejects_it(self, tags: dict[str, Any]) -> None:
-        camera = only(image(**({"focal_mm": 13.2} | tags)))
+    def test_the_proportions_of_the_image_reject_it(self) -> None:
+        camera = only(image((4000, 3000), focal_mm=13.2))
         assert camera.evidence.chosen is not None
         assert camera.evidence.chosen.source is Source.ASSUMED_SENSOR
         assert camera.verdict is Verdict.REJECTED
+
+    def test_it_is_no_evidence_against_the_equivalent(self) -> None:
+        camera = only(image((5472, 3648), focal_mm=13.2, focal_35mm=60.0))
+        assert [one.source for one in camera.evidence.estimates] == [Source.FOCAL_35MM]
+        assert camera.verdict is Verdict.UNPROVEN
 
 
 class TestTheStartOfASelfCalibration:

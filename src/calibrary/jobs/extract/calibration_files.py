@@ -388,8 +388,8 @@ def _word(held: CheckedFile) -> str:
 
 def _reference(camera: JudgedCamera) -> Calibration | None:
     """The K that is used for the images; None if it is another file's, or if there is none."""
-    steps = camera.fallback.steps if camera.fallback is not None else ()
-    if steps and steps[-1].step is StepName.REGISTRY and camera.verdict is Verdict.VALID:
+    taken = camera.fallback.taken if camera.fallback is not None else None
+    if taken is not None and taken.step is StepName.REGISTRY and camera.verdict is Verdict.VALID:
         return camera.calibration
     return camera.camera.calibration if camera.camera.verdict is Verdict.VALID else None
 

@@ -99,8 +99,8 @@ class JudgedCamera:
     def reason(self) -> str | None:
         """Reason why the K is not valid, or the fallback that is used; None for a valid K from the images."""
         reason = self.camera.reason
-        if self.outranked is None and self.fallback is not None and self.fallback.calibration is not None:
-            taken = self.fallback.steps[-1]
+        taken = self.fallback.taken if self.fallback is not None else None
+        if self.outranked is None and taken is not None:
             return f"{taken.source or taken.step.value} is used; the images alone give no valid K: {reason}"
         if reason is not None and self.camera.calibration is not None:
             assumptions = self.camera.calibration.provenance.assumptions

@@ -30,6 +30,9 @@ from calibrary.records import Record, replace
 from calibrary.registry.paths import id_of
 from calibrary.validation import Finding, Report, Severity, Verdict, validate
 
+AGAINST_AN_ENTRY = frozenset({"focal-plausibility", "one-calibration"})
+"""Rules that compare a K of the images with the entry, if there is one."""
+
 
 class StepName(StrEnum):
     """The steps, in order."""
@@ -105,6 +108,11 @@ class Fallback(Struct, frozen=True, kw_only=True):
     report: Report | None = None
     seed: Calibration | None = None
 
+    @property
+    def taken(self) -> Step | None:
+        """The step whose K is used; None if there is none."""
+        return next((one for one in reversed(self.steps) if one.outcome is StepOutcome.TAKEN), None)
+
 
 def read_matrix(path: Path) -> tuple[str, Callable[[ImageSize], Intrinsics]]:
     """Read an explicit K and check that it is a valid matrix, independent of the image size.
@@ -121,17 +129,15 @@ def read_matrix(path: Path) -> tuple[str, Callable[[ImageSize], Intrinsics]]:
     return path.name, for_frame
 
 
-def seed(key: CameraKey, size: ImageSize, equivalent_px: float | None = None) -> Calibration:
+def seed(key: CameraKey, size: ImageSize, known: tuple[float, str] | None = None) -> Calibration:
     """Initial values for a self-calibration, never a K: fx = 0.8 · max(W, H) and the image centre.
 
     Args:
         key: of the camera.
         size: (width, height) of the image in px.
-        equivalent_px: fx from the 35 mm equivalent and the diagonal, px; used instead, because it is much
-            closer.
+        known: what is known of fx in px, and by what; used instead, because it is much closer.
     """
-    focal = 0.8 * max(size) if equivalent_px is None else equivalent_px
-    how = "0.8 × max(W, H)" if equivalent_px is None else "35 mm equivalent by the diagonal"
+    focal, how = known or (0.8 * max(size), "0.8 × max(W, H)")
     return Calibration(
         camera=key,
         intrinsics=Intrinsics(fx=focal, fy=focal, cx=size[0] / 2, cy=size[1] / 2, image_size=size),
@@ -140,10 +146,16 @@ def seed(key: CameraKey, size: ImageSize, equivalent_px: float | None = None) ->
     )
 
 
-def _equivalent_px(camera: Camera, policy: Policy) -> float | None:
-    """Focal length in px from the 35 mm equivalent; None if the policy requires the source document's initial value."""
-    estimates = camera.evidence.estimates if policy.independent_sources_settle else ()
-    return next((one.intrinsics.fx for one in estimates if one.source is Source.FOCAL_35MM), None)
+def _known_focal(camera: Camera, policy: Policy) -> tuple[float, str] | None:
+    """Focal length in px by the catalogue or the 35 mm equivalent; None if the source document requires its own."""
+    if not policy.independent_sources_settle:
+        return None
+    expected = validation_context(camera.evidence, camera.states[0].known).expected
+    if expected is not None:
+        return expected.fx, f"{expected.source} focal length"
+    estimates = camera.evidence.estimates
+    fx = next((one.intrinsics.fx for one in estimates if one.source is Source.FOCAL_35MM), None)
+    return (fx, "35 mm equivalent by the diagonal") if fx is not None else None
 
 
 Attempt = tuple[Calibration | None, Report | None, Step]
@@ -186,7 +198,7 @@ def _passed_over(attempt: Attempt) -> Step:
 
 def _initial(camera: Camera, policy: Policy) -> tuple[Calibration, Step]:
     """Initial values of a solver, which are not a K, and the step that keeps them."""
-    start = seed(camera.key, camera.states[0].metadata.size, _equivalent_px(camera, policy))
+    start = seed(camera.key, camera.states[0].metadata.size, _known_focal(camera, policy))
     source, why = start.provenance.tag, "it is not a K, because nothing in this run refines it"
     if (proposed := camera.states[0].known.proposed) is not None:
         start, source = replace(proposed.calibration, camera=camera.key), proposed.path
@@ -282,12 +294,9 @@ def _from_registry(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
         why = f"the registry has no approved entry for {camera.key}"
         why += "".join(f"; {near.path} does not apply: {near.reason}" for near in known.near[:2])
         return None, None, Step(step=name, outcome=StepOutcome.NOT_THERE, why=why)
-    contradicted = camera.calibration is not None and camera.calibration.grade.is_metric
-    if (
-        contradicted
-        and camera.verdict is Verdict.UNPROVEN
-        and id_of(known.resolution.path) in (camera.reason or "")
-    ):
+    is_metric = camera.calibration is not None and camera.calibration.grade.is_metric
+    failed = {finding.rule for finding in camera.report.failures} if camera.report is not None else set()
+    if is_metric and camera.verdict is Verdict.UNPROVEN and failed & AGAINST_AN_ENTRY:
         why = "it contradicts what these images state, and one of the two is wrong"
         step = Step(step=name, outcome=StepOutcome.REFUSED, source=resolved.provenance.source, why=why)
         return None, None, step
@@ -423,6 +432,7 @@ def _judged(
         weighed=False,
         sensor_assumed=False,
         sensor_given=False,
+        no_focal=None,
         zoom=1.0,
         edits=(doubt,) if doubt is not None else (),
         focal_mm=None,

@@ -19,8 +19,8 @@ from calibrary.evidence.context import Scene, Source, SourceEstimate
 from calibrary.evidence.frame import RESIZED, adapt, files_frame
 from calibrary.evidence.identity import firmware
 from calibrary.evidence.metadata import ImageMetadata
-from calibrary.evidence.optics import is_part
-from calibrary.evidence.originality import ORIGINAL, Originality
+from calibrary.evidence.optics import THERMAL, is_part
+from calibrary.evidence.originality import ORIGINAL, Originality, Pixels
 from calibrary.evidence.weighing import Cause, Evidence, disagreement, evidence_of
 from calibrary.jobs.extract.cameras import (
     DEFAULT_SENSOR_MM,
@@ -343,9 +343,10 @@ def _spread(estimates: Sequence[SourceEstimate], evidence: Evidence) -> float | 
     length belongs to another camera.
     """
     chosen = evidence.chosen
-    if chosen is None or len(estimates) < 2:
+    if chosen is None or len(estimates) < 2 or not chosen.is_k:
         return None
-    equals = [w.intrinsics for w in estimates if w.rank[0] == chosen.rank[0] or disagreement(chosen, w)]
+    metric = [w for w in estimates if w.is_k]
+    equals = [w.intrinsics for w in metric if w.rank[0] == chosen.rank[0] or disagreement(chosen, w)]
     ranges = (
         max(getattr(K, name) for K in equals) - min(getattr(K, name) for K in equals)
         for name in ("fx", "fy", "cx", "cy")
@@ -366,8 +367,9 @@ def _no_k(key: CameraKey, state: State, evidence: Evidence) -> tuple[str, str]:
     """Reason why there is no K, and what to do."""
     metadata = state.metadata
     # A registry identifies cameras by Model, so a K must be given for a camera without one.
-    give_k = GIVE_K if metadata.model is not None else "or give their K (--fallback-k)"
-    own_files = f"provide the original files from the camera, {give_k}"
+    give_k = GIVE_K if metadata.model is not None else "give their K (--fallback-k)"
+    is_stripped = not metadata.has_exif or state.original.pixels is not Pixels.ORIGINAL
+    own_files = f"provide the original files from the camera, {give_k}" if is_stripped else give_k
     fisheye = next((w for w in evidence.estimates if not w.is_whole), None)
     if fisheye is not None or evidence.scene.is_fisheye:
         why = "a fisheye lens, which a pinhole K cannot describe"
@@ -409,6 +411,7 @@ def scene_of(state: State, sensor: Sensor, policy: Policy) -> Scene:
         # For a known camera the default sensor size would be wrong.
         assumed_sensor_mm=None if sensor.given or knows or state.known.calibration is not None else sides,
         weighs=weighs,
+        fills=policy.independent_sources_settle,
         listed=listed_width(camera, state.metadata.make, state.metadata.model) if weighs else None,
     )
 
@@ -436,10 +439,27 @@ def validation_context(
         weighed=evidence.scene.weighs,
         sensor_assumed=chosen is not None and chosen.source is Source.ASSUMED_SENSOR,
         sensor_given=chosen is not None and chosen.source is Source.GIVEN_SENSOR,
+        no_focal=_no_focal(evidence)
+        if chosen is not None and chosen.source is Source.CATALOGUE_DESIGN
+        else None,
         zoom=evidence.scene.written.zoom,
         edits=(*(f"the image was {done}" for done in original.done), *_assumed(evidence, original)),
         spread=spread,
     )
+
+
+def _no_focal(evidence: Evidence) -> str | None:
+    """Why the catalogue's lens is used, unconfirmed by the image; None if the camera writes no FocalLength."""
+    scene = evidence.scene
+    if not scene.fills or scene.focal_mm is not None:
+        return None
+    fault = scene.metadata.fault("EXIF FocalLength")
+    if fault is not None:
+        return f"EXIF FocalLength is {fault.found}, expected {fault.expected}"
+    if scene.metadata.focal_mm is not None:
+        return f"EXIF FocalLength is {scene.metadata.focal_mm:g} mm, and this camera is known to write a wrong one"
+    is_thermal = scene.known is not None and scene.known.sub_camera == THERMAL
+    return None if is_thermal else "EXIF has no FocalLength"
 
 
 def _assumed(evidence: Evidence, original: Originality) -> Iterator[str]:
@@ -475,8 +495,11 @@ def _expected(scene: Scene, known: Known, chosen: SourceEstimate | None) -> Expe
             entry=known.resolution.path,
         )
     camera, metadata = known.camera, scene.written
-    over_width = camera.fx_over_w_at(metadata.focal_mm) if camera is not None else None
-    if camera is None or over_width is None or camera.native_size is None:
+    if camera is None:
+        return None
+    focal_mm = camera.focal_mm if scene.fills and scene.focal_mm is None else metadata.focal_mm
+    over_width = camera.fx_over_w_at(focal_mm)
+    if over_width is None or camera.native_size is None:
         return None
     width, height = camera.native_size
     focal = over_width * width
