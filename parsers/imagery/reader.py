@@ -56,8 +56,12 @@ def read_metadata(path: str | os.PathLike[str]) -> ImageMetadata:
         return read_source(source)
 
 
-def read_source(source: Source) -> ImageMetadata:
+def read_source(source: Source, *, pixels: bool = True) -> ImageMetadata:
     """As :func:`read_metadata`, for an open file; ``source.bytes_read`` then states the number of bytes read.
+
+    Args:
+        source: the open file.
+        pixels: whether the pixels are compared with the thumbnail where :func:`may_be_cropped`.
 
     Raises:
         ParseError: the file is empty, not an image, or truncated before its size.
@@ -79,12 +83,12 @@ def read_source(source: Source) -> ImageMetadata:
             encoding=head.encoding,
         )
     )
-    if head.exif is None or not _may_be_cropped(metadata):
+    if head.exif is None or not pixels or not may_be_cropped(metadata):
         return metadata
     return replace(metadata, whole_frame=shows_whole_frame(source, head.exif))
 
 
-def _may_be_cropped(metadata: ImageMetadata) -> bool:
+def may_be_cropped(metadata: ImageMetadata) -> bool:
     """Whether it is a JPEG that was resized, or cropped to the same proportions, which its thumbnail may tell."""
     size = metadata.size
     stated = (metadata.exif_size, metadata.related_size, metadata.main_size)

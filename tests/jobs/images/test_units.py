@@ -4,15 +4,22 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image as Picture
 
 from calibrary.errors import InputError
+from calibrary.jobs.demo.flight import farmland
 from calibrary.jobs.extract.report import encode
 from calibrary.jobs.images import reading
 from calibrary.jobs.images.accumulator import Accumulator
 from calibrary.jobs.images.observation import Image, Observation
 from calibrary.jobs.images.reading import Partials, Question, Unit, batches, here, read_images, shards
+from calibrary.parsers.imagery import reader
+from calibrary.parsers.imagery.source import Block, Source
+from calibrary.parsers.imagery.thumbnail import shows_whole_frame
 from calibrary.records import to_json
+from calibrary.synthetic import ExifValue, Head, headed, jpeg
 from tests.jobs.extract.fleet import DEWARP, P4R, gate, picture
 
 IMAGES = [Image(f"{number:05}.jpg", f"/flight/{number:05}.jpg") for number in range(5000)]
@@ -111,3 +118,46 @@ def test_a_file_is_no_place_for_partial_results(tmp_path: Path) -> None:
 def test_shards_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reading, "MOST", 1)
     assert max(len(unit.images) for unit in shards(IMAGES, 100)) == 100
+
+
+def resized(folder: Path, cropped: tuple[int, ...] = ()) -> list[Image]:
+    """A flight of 6 images that were resized by half, or cropped to it, with the thumbnails of the camera."""
+    exif: dict[str, ExifValue] = {
+        "Make": "Acme",
+        "Model": "Nine",
+        "ExifImageWidth": 800,
+        "ExifImageHeight": 600,
+    }
+    whole = farmland((800, 600), seed=5)
+    thumbnail = jpeg(np.asarray(Picture.fromarray(whole).resize((160, 120))), 80)
+    small, part = np.asarray(Picture.fromarray(whole).resize((400, 300))), whole[150:450, 200:600]
+    names = [f"{number}.jpg" for number in range(6)]
+    for number, name in enumerate(names):
+        pixels = jpeg(part if number in cropped else small, 80)
+        (folder / name).write_bytes(headed(pixels, Head(exif=exif, thumbnail=thumbnail)))
+    return [Image(name, str(folder / name)) for name in names]
+
+
+def shown(images: list[Image]) -> dict[str, bool | None]:
+    seen = read_images(images, engine=here(1, known=len(images))).images.settled().seen
+    return {name: one.metadata.whole_frame for one, names in seen.items() for name in names.listed}
+
+
+def test_the_pixels_of_two_images_tell_of_a_whole_flight(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+
+    def counted(source: Source, exif: Block) -> bool | None:
+        asked.append(source.name)
+        return shows_whole_frame(source, exif)
+
+    monkeypatch.setattr(reader, "shows_whole_frame", counted)
+    images = resized(tmp_path)
+    assert shown(images) == {image.name: True for image in images}
+    assert len(asked) == 2
+
+
+def test_each_image_is_asked_where_one_of_two_is_a_crop(tmp_path: Path) -> None:
+    images = resized(tmp_path, cropped=(2, 5))
+    assert shown(images) == {image.name: image.name not in {"2.jpg", "5.jpg"} for image in images}

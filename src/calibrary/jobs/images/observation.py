@@ -84,16 +84,17 @@ class Observation(Struct, frozen=True, kw_only=True):
     passing: bool = False
 
 
-def observe(source: Source, image: Image, *, days: bool = False) -> Observation:
+def observe(source: Source, image: Image, *, days: bool = False, pixels: bool = True) -> Observation:
     """Read the camera metadata of an image; the result depends only on its bytes.
 
     Args:
         source: its bytes.
         image: its identity.
         days: whether to read the date as well.
+        pixels: whether its pixels are compared with its thumbnail where that may show a crop.
     """
     try:
-        metadata = read_source(source)
+        metadata = read_source(source, pixels=pixels)
         day = day_of(source) if days else None
     except InputError as error:
         return Observation(id=image.id, name=image.name, reason=error.message)

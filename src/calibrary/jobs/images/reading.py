@@ -29,10 +29,12 @@ from calibrary.atomic import write_files
 from calibrary.errors import InputError
 from calibrary.extras import require
 from calibrary.jobs.images.accumulator import Accumulator, Flight
-from calibrary.jobs.images.observation import Image, Observation, observe
+from calibrary.jobs.images.observation import Image, Observation, Seen, observe
 from calibrary.jobs.images.places import is_remote, open_place
 from calibrary.jobs.images.ranged import StoreError
+from calibrary.parsers.imagery.reader import may_be_cropped
 from calibrary.progress import log
+from calibrary.records import replace
 
 SHARD = 8192
 """Average number of images per shard: some seconds of work, and a file of 150 kB."""
@@ -293,23 +295,50 @@ def read_unit(unit: Unit, *, question: Question) -> Accumulator:
     read = partial(_read, days=question.days)
     near = [image for image in unit.images if not is_remote(image.place)]
     far = [image for image in unit.images if is_remote(image.place)]
-    for image in near:
-        part.add(read(image))
+    header = partial(read, pixels=False)
+    for observation in _with_pixels(near, [*map(header, near)], read, map):
+        part.add(observation)
     if far:
         from concurrent.futures import ThreadPoolExecutor  # noqa: PLC0415  for servers only
 
         # Threads wait for responses in parallel; their connections are kept for the next piece.
         with ThreadPoolExecutor(min(AT_ONCE, len(far))) as pool:
-            for observation in pool.map(read, far):
+            for observation in _with_pixels(far, [*pool.map(header, far)], read, pool.map):
                 part.add(observation)
     return part
 
 
-def _read(image: Image, *, days: bool) -> Observation:
+def _with_pixels(
+    images: Sequence[Image],
+    found: list[Observation],
+    read: Callable[..., Observation],
+    mapped: Callable[..., Iterable[Observation]],
+) -> list[Observation]:
+    """Of images with equal headers that may be cropped, let the pixels of the first and the last decide.
+
+    Decoding an image costs a hundred times as much as its header. Where the two differ, or show a crop, each is asked.
+    """
+    alike: dict[Seen, list[int]] = {}
+    for number, one in enumerate(found):
+        if one.seen is not None and may_be_cropped(one.seen.metadata):
+            alike.setdefault(one.seen, []).append(number)
+    for numbers in alike.values():
+        ends = {read(images[number]).seen for number in (numbers[0], numbers[-1])}
+        seen = ends.pop()
+        if ends or seen is None or seen.metadata.whole_frame is False:
+            asked = mapped(read, [images[number] for number in numbers])
+        else:
+            asked = (replace(found[number], seen=seen) for number in numbers)
+        for number, one in zip(numbers, asked, strict=True):
+            found[number] = one
+    return found
+
+
+def _read(image: Image, *, days: bool, pixels: bool = True) -> Observation:
     passing = False
     try:
         with open_place(image.place) as source:
-            return observe(source, image, days=days)
+            return observe(source, image, days=days, pixels=pixels)
     except InputError as error:
         reason = error.message
     except StoreError as error:
