@@ -107,8 +107,9 @@ def _with_pictures(text: str) -> str:
 
 def _format(one: ListedFormat) -> str:
     """A format's section: how it counts, what its module says of it, and where that is known from."""
-    module = sys.modules[format_named(one.name).sniff.__module__]
-    said = marked_down(inspect.cleandoc(module.__doc__ or ""))
+    record = format_named(one.name)
+    words = record.words or getattr(sys.modules.get(getattr(record.sniff, "__module__", "")), "__doc__", None)
+    said = marked_down(inspect.cleandoc(words or ""))
     facts = "".join(f"* {fact}\n" for fact in (*one.facts, f"reference: <{one.reference}>"))
     return f"## {one.name}\n\n{one.title}: {one.access}.\n\n{facts}\n{said}\n"
 

@@ -26,28 +26,28 @@ GROUP = "calibrary.formats"
 
 ONLY: Final[Mapping[tuple[Syntax, ...], str]] = {
     (Syntax.XML,): (
-        "adobe_lcp agisoft_xml blocksexchange_xml calibu contextcapture_opt gazebo_sdf metashape_document "
+        "adobe_lcp agisoft_xml blocksexchange_xml contextcapture_opt gazebo_sdf metashape_document "
         "micmac_xml qualisys realitycapture_xmp"
     ),
     (Syntax.JSON,): (
-        "alicevision_sfm argoverse azure_kinect basalt calib_io depthai gaussian_cameras gyroflow multical "
-        "multiview_calib nuscenes odm_cameras open3d openmvg opensfm opf_calibrated_cameras opf_input_cameras "
-        "opf_project photonvision pinhole_json realsense record3d stac_interior_orientation theia_priors "
+        "alicevision_sfm argoverse gyroflow "
+        "multiview_calib nuscenes odm_cameras openmvg opensfm opf_calibrated_cameras opf_input_cameras "
+        "opf_project pinhole_json realsense stac_interior_orientation theia_priors "
         "transforms_json"
     ),
     (Syntax.TEXT,): (
-        "alicevision_cal anipose artoolkitplus_cal asp_tsai australis_report bluec_rad bouguet_m bundler "
-        "camodocal colmap_text droid_calib dso_camera esri_cameras euroc fisheye_adapter hugin_pto inpho_prj "
-        "kalibr kalibr_results kapture keyed_text kitti maplab mvsnet_cam named_pinholes nsvf_intrinsics nvm "
-        "ocamcalib okvis orb_slam orthority photomodeler_export photomodeler_report pix4d_cam "
+        "alicevision_cal artoolkitplus_cal asp_tsai australis_report bluec_rad bouguet_m bundler "
+        "colmap_text droid_calib dso_camera esri_cameras euroc fisheye_adapter hugin_pto inpho_prj "
+        "kalibr kalibr_results kapture keyed_text kitti mvsnet_cam named_pinholes nsvf_intrinsics nvm "
+        "ocamcalib orb_slam orthority photomodeler_export photomodeler_report pix4d_cam "
         "pix4d_camera_parameters projection_matrix realitycapture_csv ros_camera_info ros_ini stella_vslam "
-        "terraphoto_cal usgs_report vikit zed zi_ssk"
+        "terraphoto_cal usgs_report zed zi_ssk"
     ),
     (Syntax.BINARY,): (
         "artoolkit_param colmap_binary colmap_database k_npy llff_npy matlab_mat metashape_archive neus_npz "
         "numpy_npz"
     ),
-    (Syntax.XML, Syntax.TEXT): "lensfun_xml slstudio",
+    (Syntax.XML, Syntax.TEXT): "lensfun_xml",
     (Syntax.XML, Syntax.TEXT, Syntax.JSON): "opencv_storage",
     (Syntax.TEXT, Syntax.JSON): "k_text matlab_json mrcal",
 }
@@ -118,7 +118,7 @@ def known_formats() -> Mapping[str, Format]:
     A registered format that cannot be loaded, or has the name of another format, is omitted with a warning,
     so that other files can still be read.
     """
-    found = {name: _built_in(name) for name in _module_names()} | _not_built_in()
+    found = {name: _built_in(name) for name in _module_names()} | _rows() | _not_built_in()
     return MappingProxyType(dict(sorted(found.items())))
 
 
@@ -136,7 +136,7 @@ def _not_built_in() -> dict[str, Format]:
             continue
         if not isinstance(record, Format):
             _complain(f"{point.value} is not a calibrary.parsers.format.Format")
-        elif record.name in found or record.name in _module_names():
+        elif record.name in found or record.name in _module_names() or record.name in _rows():
             _complain(f"{point.value} calls itself {record.name!r}, which is taken")
         else:
             found[record.name] = record
@@ -147,7 +147,7 @@ def _not_built_in() -> dict[str, Format]:
 def formats_of(syntax: Syntax) -> tuple[Format, ...]:
     """The formats that a file of this syntax may have; other built-in formats are not loaded."""
     elsewhere = {name for others, names in ONLY.items() if syntax not in others for name in names.split()}
-    found = {name: _built_in(name) for name in _module_names() - elsewhere} | _not_built_in()
+    found = {name: _built_in(name) for name in _module_names() - elsewhere} | _rows() | _not_built_in()
     return tuple(record for _, record in sorted(found.items()) if syntax in record.syntaxes)
 
 
@@ -157,6 +157,13 @@ def _module_names() -> frozenset[str]:
     return frozenset(
         module.name for module in iter_modules(folder.__path__) if not module.name.startswith("_")
     )
+
+
+@cache
+def _rows() -> dict[str, Format]:
+    """The formats of the table of programs, by name."""
+    table = import_module(f"{folder.__name__}._programs")
+    return {row.name: row.format() for row in table.PROGRAMS}
 
 
 @cache

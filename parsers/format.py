@@ -31,6 +31,8 @@ A new format needs only its module, ``parsers/formats/<name>.py``, and its test:
     last, so that a truncated file cannot be read as another camera.
 6.  A format that is only recognised in order to be refused is a row of the table in ``parsers/refused.py``: how it is
     recognised, what it is, why it is refused and what to do instead.
+    A format that is only a K and a lens under other names needs no module: it is a row of the table in
+    ``parsers/formats/_programs.py``.
 7.  ``FORMAT = Format(...)`` combines all this, and ``tests/parsers/test_contract.py`` tests it. The format's own test
     contains its formula, computed independently, and one small file per dialect, with invented values; without a
     writer, one of them is its ``SAMPLES = {"<name>": Sample(data)}``. ``make docs`` renews the manual's tables.
@@ -274,6 +276,7 @@ class Format(Struct, frozen=True, kw_only=True):
         syntaxes: possible syntaxes of its files; the sniffer is not called for others, which saves most of
             the time of recognition.
         roots: local names of the root elements of its XML files, for the same reason; empty for any.
+        words: the format in its own words, and the source; None for the docstring of the module of ``sniff``.
         reference: address of its description.
         convention: conventions of its numbers; None for a format that is only refused.
         sniff: recognises a file; returns None if it is not of this format.
@@ -296,6 +299,7 @@ class Format(Struct, frozen=True, kw_only=True):
 
     name: str
     title: str
+    words: str | None = None
     suffixes: tuple[str, ...]
     reference: str
     sniff: Callable[[Content], Sniff | None]

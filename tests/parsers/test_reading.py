@@ -396,6 +396,7 @@ def test_another_packages_format_joins(plugins: list[EntryPoint], monkeypatch: p
             "agisoft_xml",
             "house_format",
             *(name for name in discovery._module_names() if name != "agisoft_xml"),
+            *discovery._rows(),
             *(record.name for record in REFUSED),
         ]
     )

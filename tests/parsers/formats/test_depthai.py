@@ -103,7 +103,7 @@ def test_an_object_of_sockets_is_read_too() -> None:
 @pytest.mark.parametrize(
     ("document", "error", "match"),
     [
-        (device([0, entry(D8, cameraType=2)]), UnsupportedModelError, "cameraType is 2"),
+        (device([0, entry(D8, cameraType=2)]), UnsupportedModelError, "cameraType: the model is '2'"),
         (device([0, entry(D8, cameraType=1)]), ParseError, "fisheye"),
         (device([0, entry(D8, distortionCoeff=[1, 2, 3])]), ParseError, "3 numbers"),
         (

@@ -78,5 +78,5 @@ def test_a_broken_file_names_what_is_wrong(old: str, new: str, kind: type[Except
 
 
 def test_cameras_without_number_are_refused() -> None:
-    with pytest.raises(ParseError, match="at most 1000"):
+    with pytest.raises(ParseError, match="over 1000 cameras, the most"):
         parsers.decode(("cameras: [" + "{}," * 1001 + "]\n").encode(), name="x", format="okvis")

@@ -13,7 +13,6 @@ from calibrary import parsers
 from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import BrownConrady, NoDistortion
 from calibrary.errors import MissingTagError, ParseError, UnknownFormatError
-from calibrary.parsers.formats import record3d
 from tests.parsers.peers import assert_projects_as_opencv
 from tests.parsers.samples import Sample
 
@@ -129,14 +128,6 @@ def test_record3d_tells_how_far_its_frames_depart() -> None:
     assert "of the 2 frames is 430.1 to 433.2 px" in item.notes[-1]
     assert item.distortion is None
     assert len(read({**RECORD3D, "perFrameIntrinsicCoeffs": []})[0].notes) == 1
-
-
-def test_record3d_has_as_many_frames_as_are_read_and_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(record3d, "MAX_FRAMES", 2)
-    assert read(RECORD3D)
-    monkeypatch.setattr(record3d, "MAX_FRAMES", 1)
-    with pytest.raises(ParseError, match="2 frames, expected at most 1"):
-        read(RECORD3D)
 
 
 def test_coefficients_by_name_are_opencvs() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from calibrary import parsers
-from calibrary.errors import MissingTagError, ParseError
+from calibrary.errors import ParseError
 from tests.parsers.peers import assert_projects_as_opencv
 from tests.parsers.samples import Sample
 
@@ -42,7 +42,7 @@ def test_camera_and_projector_are_opencvs() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "kind", "match"),
     [
-        ("<frameWidth>752</frameWidth>", "", MissingTagError, "--image-size"),
+        ("<frameWidth>752</frameWidth>", "", ParseError, "there is no 'frameWidth'"),
         ("<rows>5</rows>", "<rows>4</rows>", ParseError, "kc: its header"),
         ("0. 0. 1.</data></Kc>", "0. 0. 2.</data></Kc>", ParseError, "Kc: this is not a camera matrix"),
     ],

@@ -1,0 +1,408 @@
+"""Formats that are a K and a lens under a program's own names: what a row of their table says, and how it is read.
+
+The rows are in ``_programs``. A row names where its numbers stand by paths: ``intrinsics.fx``, ``params[4:8]``, and
+``cam_fx|A11`` for the first of two that is there. A format that needs more than that is a module of its own.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, TypeAlias
+
+from msgspec import Struct, field
+
+from calibrary.calibration import Calibration, Grade, ImageSize
+from calibrary.distortion import (
+    Distortion,
+    DoubleSphere,
+    ExtendedUnified,
+    FieldOfView,
+    NoDistortion,
+    Unified,
+)
+from calibrary.errors import InputError, ParseError
+from calibrary.parsers import text as strict
+from calibrary.parsers.content import Content, Syntax
+from calibrary.parsers.convention import Convention, Native
+from calibrary.parsers.document import Node, accounted
+from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
+from calibrary.parsers.formats import _file_storage as storage
+from calibrary.parsers.formats._json_text import loaded
+from calibrary.parsers.formats._one_camera import camera, native_of, refuse_model
+from calibrary.parsers.formats._text_rows import text_of
+from calibrary.parsers.xml import parse_xml
+from calibrary.records import Json, replace
+
+if TYPE_CHECKING:
+    from lxml.etree import _Element
+
+MOST_CAMERAS = 1000
+WITH_SKEW = 5
+ANY = "*"
+"""The first of a table, whatever its key."""
+
+_STEP = re.compile(r"([^.\[\]]+)|\[(\d*)(:?)(\d*)\]")
+_BETWEEN = re.compile(r"[\[\](),;\s]+")
+_FIRST_WORD = re.compile(r"[\s\-{\"']*([\w.]+)[\"']?\s*[:=]")
+
+Named: TypeAlias = Iterator[tuple[str | None, Node]]
+"""Cameras of a document, each with its name."""
+
+
+class Mark(Struct, frozen=True):
+    """What a file of the format has.
+
+    Attributes:
+        keys: names in it, all of which are there: keys of a table of JSON, top keys of YAML or TOML, tags of XML.
+        at: path of that table, in JSON.
+        holds: what is true of that table.
+        inner: names at the beginning of lines of a text.
+        words: what its text contains as well.
+        sure: how certain that makes it.
+    """
+
+    keys: tuple[str, ...]
+    at: str = ""
+    holds: Callable[[Node], bool] = lambda _: True
+    inner: tuple[str, ...] = ()
+    words: tuple[str, ...] = ()
+    sure: Sure = Sure.MAGIC
+
+
+class Model(Struct, frozen=True):
+    """A camera model as the format states it.
+
+    Attributes:
+        lens: makes the lens of the coefficients.
+        numbers: paths of the coefficients, in the order of ``lens``; one may be of several.
+        counts: how many there are; empty if their paths or ``lens`` say so.
+        missing: what a coefficient is that a file leaves out; None if it has to be there.
+        K: as for the format, if it is another.
+        convention: if it is another than the format's.
+    """
+
+    lens: Callable[[Sequence[float]], Distortion | None] = lambda _: NoDistortion()
+    numbers: tuple[str, ...] = ()
+    counts: tuple[int, ...] = ()
+    missing: float | None = None
+    K: str | tuple[str, ...] = ()
+    convention: Convention | None = None
+
+
+class Program(Struct, frozen=True, kw_only=True):
+    """A row: a format of a program.
+
+    Attributes:
+        name, title, suffixes, syntaxes, roots, reference, convention, idle: as in
+            :class:`~calibrary.parsers.format.Format`.
+        words: the format in its own words, and the source.
+        marks: any of which a file has.
+        cameras: its cameras with their names, in a document.
+        K: path of the matrix, or paths of fx, fy, cx, cy and perhaps the skew.
+        is_transposed: whether the matrix runs down its columns.
+        size: paths of width and height, or of both.
+        model: paths of the model's name, whose parts are put together.
+        models: the models by their names; under the empty name what a file without a name has.
+        grade: of K.
+        assumptions: what is assumed of every file.
+        is_of_images: whether cameras stand once for each image, so that equal ones are one.
+        most: cameras that are read.
+        finish: adds what else the file states of a camera, from the document and the camera's table.
+    """
+
+    name: str
+    title: str
+    words: str
+    suffixes: tuple[str, ...]
+    syntaxes: tuple[Syntax, ...]
+    reference: str
+    convention: Convention
+    marks: tuple[Mark, ...]
+    roots: tuple[str, ...] = ()
+    cameras: Callable[[Node, ReadContext], Named]
+    K: str | tuple[str, ...]
+    is_transposed: bool = False
+    size: tuple[str, ...] = ("width", "height")
+    model: tuple[str, ...] = ()
+    models: Mapping[str, Model] = field(default_factory=lambda: {"": Model()})
+    grade: Grade = Grade.CALIBRATED
+    assumptions: tuple[str, ...] = ()
+    is_of_images: bool = False
+    most: int = MOST_CAMERAS
+    idle: tuple[str, ...] = ()
+    finish: Callable[[Node, Node, Calibration], Calibration] = lambda _tree, _node, item: item
+
+    def format(self) -> Format:
+        """The format that reads the files of this row."""
+        return Format(
+            name=self.name,
+            title=self.title,
+            words=self.words,
+            suffixes=self.suffixes,
+            syntaxes=self.syntaxes,
+            roots=self.roots,
+            reference=self.reference,
+            convention=self.convention,
+            sniff=partial(_sniff, self),
+            read=partial(_read, self),
+            idle=self.idle,
+        )
+
+
+def whole(tree: Node, _context: ReadContext) -> Named:
+    """The document is the one camera."""
+    yield None, tree
+
+
+def listed(path: str, name: str = "", *, inside: str = "") -> Callable[[Node, ReadContext], Named]:
+    """The cameras of a list, or of a table by their keys.
+
+    Args:
+        path: of the list.
+        name: path of the name in an item; empty for cam0, cam1 …
+        inside: path of the camera in an item.
+    """
+
+    def cameras(tree: Node, _context: ReadContext) -> Named:
+        table = at(tree, path)
+        if isinstance(table.value, dict):
+            yield from ((key, at(node, inside)) for key, node in table.entries())
+            return
+        for index, item in enumerate(table.items()):
+            yield str(at(item, name).value) if name else f"cam{index}", at(item, inside)
+
+    return cameras
+
+
+def at(node: Node, path: str) -> Node:
+    """The value at a path.
+
+    Raises:
+        ParseError: there is none; of several paths, the message is of the first.
+    """
+    found = find(node, path)
+    return _followed(node, path.partition("|")[0]) if found is None else found
+
+
+def find(node: Node, path: str) -> Node | None:
+    """The value at a path, None if there is none or if it is null."""
+    for one in path.split("|"):
+        try:
+            found = _followed(node, one)
+        except ParseError:
+            continue
+        if found.value is not None:
+            return found
+    return None
+
+
+def _followed(node: Node, path: str) -> Node:
+    for key, first, colon, last in _STEP.findall(path):
+        if key == ANY and isinstance(node.value, dict):
+            node = node[next(iter(node.value), ANY)]
+        elif key:
+            node = node[key]
+        elif colon:
+            part: list[Json] = [*_all_numbers(node)[int(first or 0) : int(last) if last else None]]
+            node = Node(part, source=node.source, place=f"{node.place}[{first}:{last}]")
+        elif not isinstance(node.value, list) or int(first) >= len(node.value):
+            node.fail(f"expected a list of more than {first} items")
+        else:
+            node = Node(node.value[int(first)], source=node.source, place=f"{node.place or ''}[{first}]")
+    return node
+
+
+def numbers_at(node: Node, paths: Iterable[str], missing: float | None = None) -> list[float]:
+    """The numbers at some paths, in order."""
+    found: list[float] = []
+    for path in paths:
+        if missing is not None and all(find(node, one) is None for one in path.split("|")):
+            found.append(missing)
+            continue
+        place = at(node, path)
+        found += storage.numbers(place) if isinstance(place.value, list | dict) else [place.number()]
+    return found
+
+
+def _all_numbers(node: Node) -> Sequence[float]:
+    """Those of a list, a matrix, or a text with several."""
+    if not isinstance(node.value, str):
+        return storage.numbers(node)
+    words = _BETWEEN.sub(" ", node.value).strip()
+    return strict.numbers(words, count=len(words.split()), source=node.source, place=node.place)
+
+
+def _sniff(row: Program, content: Content) -> Sniff | None:
+    """The first of the marks that the file has."""
+    for mark in row.marks:
+        text = content.text or ""
+        if not all(word in text for word in (*mark.words, *mark.inner)):
+            continue
+        if _has(content, mark) and set(mark.inner) <= _first_words(content, mark):
+            under = f" under {mark.at}" if mark.at else ""
+            return Sniff(mark.sure, f"the names {', '.join((*mark.keys, *mark.inner, *mark.words))}{under}")
+    return None
+
+
+def _first_words(content: Content, mark: Mark) -> set[str]:
+    found = (_FIRST_WORD.match(line) for line in content.lines) if mark.inner else ()
+    return {match[1] for match in found if match}
+
+
+def _has(content: Content, mark: Mark) -> bool:
+    if content.syntax is Syntax.XML:
+        return set(mark.keys) <= set(content.xml_tags)
+    if content.syntax is not Syntax.JSON:
+        return set(mark.keys) <= set(content.yaml_keys)
+    table = find(Node(content.json, source=content.name), mark.at)
+    is_there = table is not None and isinstance(table.value, dict) and set(mark.keys) <= table.value.keys()
+    return is_there and table is not None and mark.holds(table)
+
+
+def _read(row: Program, data: bytes, context: ReadContext) -> list[Calibration]:
+    """Every camera, in the file's order."""
+    tree = _loaded(row, data, context)
+    named = []
+    for pair in row.cameras(tree, context):
+        named.append(pair)
+        if len(named) > row.most:
+            tree.fail(f"there are over {row.most} cameras, the most that are read")
+    found = [_camera(row, name, node, context, tree) for name, node in named]
+    if row.is_of_images:
+        first: dict[object, Calibration] = {}
+        for item in found:
+            first.setdefault((item.intrinsics, item.distortion), item)
+        found = list(first.values())
+    if len(found) > 1:
+        return found
+    return [replace(item, camera=replace(item.camera, sub_camera=None)) for item in found]
+
+
+def _loaded(row: Program, data: bytes, context: ReadContext) -> Node:
+    head = data[:256].lstrip(b"\xef\xbb\xbf \t\r\n")
+    if head.startswith(b"{") or row.syntaxes == (Syntax.JSON,):
+        return loaded(data, context)
+    if ".toml" in row.suffixes:
+        return _of_toml(data, context.name)
+    if head.startswith(b"<") and "opencv_storage" not in row.roots:
+        return _of_xml(data, context.name)
+    return storage.load(data, source=context.name)
+
+
+@accounted
+def _of_toml(data: bytes, source: str) -> Node:
+    text = text_of(data, most=storage.MAX_BYTES)
+    try:
+        return Node(tomllib.loads(text.replace("\r\n", "\n")), source=source)
+    except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
+        raise ParseError(f"this is not TOML: {strict.shown(str(error), 80)}", source=source) from None
+
+
+@accounted
+def _of_xml(data: bytes, source: str) -> Node:
+    root = parse_xml(data, source=source, max_bytes=storage.MAX_BYTES)
+    return Node({str(root.tag): _of_element(root)}, source=source)
+
+
+def _of_element(element: _Element) -> Json:
+    """Attributes and children by name, several of one name as a list; without either the text."""
+    table: dict[str, Json] = {str(key): str(value) for key, value in element.attrib.items()}
+    children: dict[str, list[Json]] = {}
+    for child in element:
+        children.setdefault(str(child.tag), []).append(_of_element(child))
+    for key, values in children.items():
+        table[key] = values[0] if len(values) == 1 else values
+    return table or (element.text or "").strip()
+
+
+def _camera(row: Program, name: str | None, node: Node, context: ReadContext, tree: Node) -> Calibration:
+    model = _model(row, node)
+    native = _native(row, model.K or row.K, node)
+    values = numbers_at(node, model.numbers, model.missing)
+    place = (find(node, model.numbers[0]) if len(model.numbers) == 1 else None) or node
+    if model.counts:
+        strict.check_count(len(values), model.counts, place=place.place)
+    try:
+        lens = model.lens(values)
+    except InputError as error:
+        raise type(error)(error.message, place=error.place or place.place) from None
+    convention = model.convention or row.convention
+    item = camera(
+        context,
+        convention,
+        native,
+        _size(row, node),
+        lens,
+        name=name,
+        tag=node.place,
+        assumptions=row.assumptions,
+    )
+    return row.finish(tree, node, replace(item, grade=row.grade))
+
+
+def _model(row: Program, node: Node) -> Model:
+    named = [find(node, path) for path in row.model]
+    word = " ".join(str(one.value) for one in named if one is not None)
+    models = {name.lower(): model for name, model in row.models.items()}
+    if word.lower() not in models:
+        places = [at(node, path).place for path in row.model]
+        refuse_model(word, tuple(filter(None, row.models)), place=places[-1])
+    return models[word.lower()]
+
+
+def _native(row: Program, paths: str | Sequence[str], node: Node) -> Native:
+    if isinstance(paths, str):
+        return native_of(at(node, paths), transposed=row.is_transposed)
+    numbers = numbers_at(node, paths)
+    count = WITH_SKEW if len(paths) == WITH_SKEW else WITH_SKEW - 1
+    strict.check_count(len(numbers), count, place=at(node, paths[0]).place)
+    return Native(**dict(zip(("fx", "fy", "cx", "cy", "skew"), numbers, strict=False)))
+
+
+def _size(row: Program, node: Node) -> ImageSize | None:
+    """The image size; None if the file does not state it."""
+    if all(find(node, path) is None for path in row.size):
+        return None
+    numbers, place = numbers_at(node, row.size), at(node, row.size[0]).place
+    strict.check_count(len(numbers), 2, place=place)
+    return strict.image_size(*numbers, place=place)
+
+
+def double_sphere(values: Sequence[float]) -> DoubleSphere:
+    """Of xi and alpha."""
+    xi, alpha = values
+    return DoubleSphere(xi=_above(xi), alpha=_alpha(alpha))
+
+
+def extended_unified(values: Sequence[float]) -> ExtendedUnified:
+    """Of alpha and beta, which is 1 in the unified model."""
+    alpha, beta = (*values, 1.0)[:2]
+    if beta <= 0:
+        raise ParseError(f"beta is {beta:g}, expected a positive number")
+    return ExtendedUnified(alpha=_alpha(alpha), beta=beta)
+
+
+def field_of_view(values: Sequence[float]) -> Distortion:
+    """Of the angle; zero is no distortion."""
+    return FieldOfView(omega=values[0]) if values[0] else NoDistortion()
+
+
+def unified(values: Sequence[float]) -> Unified:
+    """Of xi and perhaps k1, k2, p1 and p2."""
+    xi, *rest = values
+    return Unified(xi=_above(xi), **dict(zip(("k1", "k2", "p1", "p2"), rest, strict=False)))
+
+
+def _above(xi: float) -> float:
+    if xi <= -1:
+        raise ParseError(f"xi is {xi:g}, expected a number above −1")
+    return xi
+
+
+def _alpha(value: float) -> float:
+    if not 0 <= value <= 1:
+        raise ParseError(f"alpha is {value:g}, expected a number from 0 to 1")
+    return value
