@@ -32,14 +32,14 @@ ONLY: Final[Mapping[tuple[Syntax, ...], str]] = {
     (Syntax.JSON,): (
         "alicevision_sfm argoverse gyroflow "
         "multiview_calib nuscenes odm_cameras openmvg opensfm opf_calibrated_cameras opf_input_cameras "
-        "opf_project pinhole_json realsense stac_interior_orientation theia_priors "
+        "opf_project pinhole_json stac_interior_orientation theia_priors "
         "transforms_json"
     ),
     (Syntax.TEXT,): (
         "alicevision_cal artoolkitplus_cal asp_tsai australis_report bluec_rad bouguet_m bundler "
         "colmap_text droid_calib dso_camera esri_cameras euroc fisheye_adapter hugin_pto inpho_prj "
         "kalibr kalibr_results kapture keyed_text kitti mvsnet_cam named_pinholes nsvf_intrinsics nvm "
-        "ocamcalib orb_slam orthority photomodeler_export photomodeler_report pix4d_cam "
+        "orb_slam orthority photomodeler_export photomodeler_report pix4d_cam "
         "pix4d_camera_parameters projection_matrix realitycapture_csv ros_camera_info ros_ini stella_vslam "
         "terraphoto_cal usgs_report zed zi_ssk"
     ),
@@ -49,7 +49,7 @@ ONLY: Final[Mapping[tuple[Syntax, ...], str]] = {
     ),
     (Syntax.XML, Syntax.TEXT): "lensfun_xml",
     (Syntax.XML, Syntax.TEXT, Syntax.JSON): "opencv_storage",
-    (Syntax.TEXT, Syntax.JSON): "k_text matlab_json mrcal",
+    (Syntax.TEXT, Syntax.JSON): "k_text matlab_json mrcal ocamcalib realsense",
 }
 """Built-in formats by their syntaxes, not loaded for files of another; formats not listed are always loaded."""
 
@@ -162,8 +162,8 @@ def _module_names() -> frozenset[str]:
 @cache
 def _rows() -> dict[str, Format]:
     """The formats of the table of programs, by name."""
-    table = import_module(f"{folder.__name__}._programs")
-    return {row.name: row.format() for row in table.PROGRAMS}
+    found: dict[str, Format] = import_module(f"{folder.__name__}._programs").FORMATS
+    return found
 
 
 @cache

@@ -3,7 +3,6 @@
 They share a suffix with calibrations (mostly ``.cal`` and ``.xml``) or come from the same programs, but none
 of them contains a usable K: calibrations of other sensors, and unpublished formats. Examples of each::
 
-    pix4d_camera_database  <cameraModelDB> <cameras> <camera name="S.O.D.A._10.6_5472x3648"> …
     opf_document           {"format": "application/opf-camera-list+json", …}
     cahvor                 Model = CAHVOR = perspective, distortion
     calcam_cal             CalCam in the first lines; Metashape exports it and describes it nowhere
@@ -53,12 +52,6 @@ _PICKLE = re.compile(rb"\x80(?:[\x04\x05](\x95)|[\x02-\x05])")
 _WORDS = re.compile(r"[^a-z]+")
 _LENS_WORDS = ("focal", "principal", "distort", "camera_matrix", "intrinsic")
 _LENS_NAMES = re.compile(r"^\s*k_|\b[fc][xy]\b|fc\b", re.MULTILINE)
-
-
-def _pix4d_database(content: Content) -> Sniff | None:
-    return (
-        Sniff(Sure.MAGIC, "the XML root is <cameraModelDB>") if content.xml_root == "cameraModelDB" else None
-    )
 
 
 def _opf(content: Content) -> Sniff | None:
@@ -168,16 +161,6 @@ def _is_plain(content: Content) -> bool:
 
 
 REFUSED = (
-    Format(
-        name="pix4d_camera_database",
-        title="a Pix4D camera database",
-        suffixes=(".xml",),
-        syntaxes=(Syntax.XML,),
-        reference="https://support.pix4d.com/hc/en-us/articles/360035481811",
-        sniff=_pix4d_database,
-        refuses="its elements for the focal length and the lens are not published, and most of its cameras are a "
-        "maker's nominal values. Export the project's .cam file or its OPF instead",
-    ),
     Format(
         name="opf_document",
         title="an OPF document without camera intrinsics",

@@ -163,15 +163,32 @@ def _first_four(values: Sequence[float]) -> Distortion:
 
 
 def _calibu_cameras(tree: Node, _context: ReadContext) -> Named:
-    yield from ((f"camera {index}", node) for index, node in enumerate(_models_of_calibu(tree)))
+    yield from ((f"camera {index}", node) for index, node in enumerate(_everywhere(tree, "camera_model")))
 
 
-def _models_of_calibu(node: Node) -> Iterator[Node]:
-    """Every camera_model, wherever it is; several elements of a name are a list."""
-    table = node.entries() if isinstance(node.value, dict) else ()
-    for key, inner in table:
+def _everywhere(node: Node, wanted: str) -> Iterator[Node]:
+    """Every element of a name, wherever it is; several of one name are a list."""
+    for key, inner in node.entries() if isinstance(node.value, dict) else ():
         for one in inner.items() if isinstance(inner.value, list) else (inner,):
-            yield from (one,) if key == "camera_model" else _models_of_calibu(one)
+            yield from (one,) if key == wanted else _everywhere(one, wanted)
+
+
+def _ftc_cameras(tree: Node, _context: ReadContext) -> Named:
+    for camera in _everywhere(tree, "Camera"):
+        for node in _everywhere(camera, "Calibration"):
+            yield f"{at(camera, 'vid').text()} {at(camera, 'pid').text()} {at(node, 'size').text()}", node
+
+
+def _pix4d_cameras(tree: Node, _context: ReadContext) -> Named:
+    """With K in px, of lengths in mm and pixels in micrometres."""
+    for node in _everywhere(tree, "camera"):
+        pixel, f, cx, cy = numbers_at(
+            node, ("pixelSize", "focalLengthmm", "principalPointXmm", "principalPointYmm")
+        )
+        if not pixel > 0:
+            node["pixelSize"].fail(f"pixels of {pixel:g} micrometres, expected positive ones")
+        mm = 1000 / pixel
+        yield at(node, "name").text(), _with(node, {"fx": f * mm, "cx": cx * mm, "cy": cy * mm})
 
 
 def _gaussian_cameras(tree: Node, _context: ReadContext) -> Named:
@@ -626,6 +643,34 @@ Source: Luxonis, depthai-core, ``EepromData.hpp``, ``CameraInfo.hpp``.
         finish=_depthai,
     ),
     Program(
+        name="ftc_webcams",
+        title="FTC webcam calibrations",
+        words="""\
+The webcam calibrations of FIRST Tech Challenge's SDK, ``teamwebcamcalibrations.xml``.
+
+In the format's own words::
+
+    <Calibrations>
+      <Camera vid="Logitech" pid="0x085C">
+        <Calibration size="640 480" focalLength="602.5, 603.25" principalPoint="318.75, 241.5"
+                     distortionCoefficients="0.11, -0.24, 0.001, -0.0005, 0.09, 0, 0, 0"/>
+
+Focal lengths and principal point are px, and the coefficients are OpenCV's: k1 k2 p1 p2 k3 k4 k5 k6.
+
+Source: FtcRobotController, ``FtcRobotController/src/main/res/xml/teamwebcamcalibrations.xml``, its comment.
+""",
+        suffixes=(".xml",),
+        reference="https://github.com/FIRST-Tech-Challenge/FtcRobotController",
+        syntaxes=XML,
+        roots=("Calibrations",),
+        convention=Convention(origin=Origin.PIXEL_CENTRE, coefficients=OPENCV_ORDER[:8]),
+        marks=(Mark(("Calibrations", "Camera", "Calibration"), words=("focalLength", "principalPoint")),),
+        cameras=_ftc_cameras,
+        K=("focalLength[0:2]", "principalPoint[0:2]"),
+        size=("size[0:2]",),
+        models={"": Model(smallest_lens, ("distortionCoefficients[0:]",), COUNTS)},
+    ),
+    Program(
         name="gaussian_cameras",
         title="3D Gaussian splatting cameras.json",
         words="""\
@@ -875,6 +920,52 @@ Source: PhotonVision, ``CameraCalibrationCoefficients.java``.
         finish=_photonvision,
     ),
     Program(
+        name="pix4d_camera_database",
+        title="Pix4D camera database, and its cameras (XML)",
+        words="""\
+Pix4D's database of cameras (``camera_database.xml``), and one camera as its editor exports it.
+
+In the format's own words::
+
+    <cameraModelDB> <cameras>
+      <camera name="ZenmuseP1_35.0_8192x5460">
+        <imageWidth>8192</imageWidth> <imageHeight>5460</imageHeight>
+        <pixelSize>4.27246</pixelSize>                                         micrometres
+        <focalLengthmm>35.05</focalLengthmm>
+        <principalPointXmm>17.4</principalPointXmm> <principalPointYmm>11.6038</principalPointYmm>
+        <lensType>perspective</lensType>
+        <radialK1>-0.046957</radialK1> … <radialK3/> <tangentialT1/> <tangentialT2/>
+        <cameraModelSource>internalDB</cameraModelSource>
+
+Lengths are mm, the principal point's from the image's top-left corner, and the coefficients those of Pix4D's ``.cam``.
+Most cameras are a maker's nominal values, so that a K is no more than a design; a fisheye's affine and polynomial
+terms have no counterpart here.
+
+Source: Pix4D support, "How are the internal and external camera parameters defined?"; ``pix4d_cam``.
+""",
+        suffixes=(".xml",),
+        reference="https://support.pix4d.com/hc/en-us/articles/360035481811",
+        syntaxes=XML,
+        roots=("cameraModelDB", "camera"),
+        convention=Convention(
+            origin=Origin.CORNER,
+            coefficients=("radialK1", "radialK2", "radialK3", "tangentialT1", "tangentialT2"),
+            remarks=("lengths are mm, and pixelSize micrometres",),
+        ),
+        marks=(Mark(("camera", "imageWidth", "pixelSize", "focalLengthmm")),),
+        cameras=_pix4d_cameras,
+        K=("fx", "fx", "cx", "cy"),
+        size=("imageWidth", "imageHeight"),
+        model=("lensType",),
+        models={
+            "perspective": Model(
+                lens, ("radialK1", "radialK2", "tangentialT1", "tangentialT2", "radialK3"), missing=0.0
+            )
+        },
+        grade=Grade.DESIGN,
+        most=100_000,
+    ),
+    Program(
         name="record3d",
         title="Record3D metadata.json",
         words="""\
@@ -1002,3 +1093,6 @@ Sources: rpg_vikit as FAST-LIVO2 has it, ``vikit_ros/include/vikit/camera_loader
     ),
 )
 """In alphabetical order."""
+
+FORMATS: Final = {row.name: row.format() for row in PROGRAMS}
+"""By name."""

@@ -14,8 +14,8 @@ In the format's own words::
 
 The parameters of a camera model come *before* the focal lengths: omni has xi, eucm alpha, beta and ds xi, alpha first.
 omni multiplies by the generalised focal length of Mei's model, so near its axis the camera is a pinhole of fu/(1 + xi);
-the same holds for ds. A single camera may be without the ``cam0`` around it. OpenVINS keeps the format under OpenCV's
-directive ``%YAML:1.0``.
+the same holds for ds. A single camera may be without the ``cam0`` around it, and people call cameras otherwise.
+OpenVINS keeps the format under OpenCV's directive ``%YAML:1.0``.
 
 Source: Kalibr, "Supported models" and "YAML formats" of its wiki; ``kalibr_common/ConfigReader.py``.
 """
@@ -65,6 +65,7 @@ PREFIX = "kalibr/"
 MAX_CAMERAS = 1000
 
 _CAMERA = re.compile(r"cam\d+")
+_UNDER = re.compile(r"^[ \t]+(camera_model|distortion_coeffs|intrinsics)[ \t]*:", re.MULTILINE)
 
 
 def sniff(content: Content) -> Sniff | None:
@@ -72,10 +73,12 @@ def sniff(content: Content) -> Sniff | None:
     keys = content.yaml_keys
     if {"camera_model", "distortion_coeffs", "intrinsics"} <= set(keys):
         return Sniff(Sure.MAGIC, "the keys camera_model, intrinsics and distortion_coeffs")
-    text = content.text or ""
+    under = set(_UNDER.findall(content.text or ""))
     camera = next((key for key in keys if _CAMERA.fullmatch(key)), None)
-    if camera and re.search(r"^\s+camera_model\s*:", text, re.MULTILINE):
+    if camera and "camera_model" in under:
         return Sniff(Sure.MAGIC, f"the key {camera} and camera_model under it")
+    if {"camera_model", "distortion_coeffs", "intrinsics"} <= under:
+        return Sniff(Sure.MAGIC, "a key with camera_model, intrinsics and distortion_coeffs under it")
     return None
 
 
@@ -84,7 +87,7 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     tree = storage.load(data, source=context.name)
     if "camera_model" in tree:
         return [camera_of(None, tree, context, several=False)]
-    named = [(key, node) for key, node in tree.entries() if _CAMERA.fullmatch(key)]
+    named = [(key, node) for key, node in tree.entries() if _CAMERA.fullmatch(key) or "camera_model" in node]
     if not named:
         tree.fail("there is neither a cam0 nor a camera_model")
     if len(named) > MAX_CAMERAS:

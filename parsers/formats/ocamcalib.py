@@ -18,6 +18,7 @@ Sources: OCamCalib, ``ocam_functions.cpp``; D. Scaramuzza and others, IROS 2006.
 
 from __future__ import annotations
 
+import json
 import math
 
 from calibrary.calibration import Calibration, Origin
@@ -25,7 +26,9 @@ from calibrary.errors import ParseError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Direction, Native, Tangential
+from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
+from calibrary.parsers.formats._json_text import loaded
 from calibrary.parsers.formats._taylor import taylor_lens, upper_triangle
 from calibrary.parsers.formats._text_rows import text_of
 
@@ -42,13 +45,17 @@ CONVENTION = Convention(
 HEADING = "#polynomial coefficients for the DIRECT mapping function"
 MAX_BYTES = 64 * 1024
 """A hundred times what such a file contains."""
+CLEARLY = 2.0
+"""How many times farther from the image's middle the other reading of a centre is, at least."""
 MOST = 64
 """Coefficients in either function, as in the toolbox's own reader."""
 PREFIX = "ocamcalib/"
 
 
 def sniff(content: Content) -> Sniff | None:
-    """The first heading is the same in every file."""
+    """The first heading is the same in every file; in JSON the two polynomials."""
+    if {"pol", "invpol", "xc", "yc"} <= set(content.json_keys):
+        return Sniff(Sure.MAGIC, "JSON with pol, invpol, xc and yc")
     if content.first_line.replace("# ", "#", 1).startswith(HEADING):
         return Sniff(Sure.MAGIC, "the first line is OCamCalib's heading of the direct mapping function")
     return None
@@ -56,6 +63,8 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one camera of the file."""
+    if data.lstrip().startswith(b"{"):
+        return [_of_json(loaded(data, context), context)]
     direct, inverse, centre, affine, size = _rows(data)
     coefficients = _counted(direct, "direct mapping function")
     if not coefficients[0] < 0:
@@ -81,6 +90,37 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     ]
 
 
+def _of_json(document: Node, context: ReadContext) -> Calibration:
+    """The names of OCamCalib's C structure, whose axis some turn forwards and whose centre some write column first."""
+    polynomial = document["pol"]
+    values = polynomial.numbers()
+    sign = -1 if values and values[0] < 0 else 1
+    lens, f = taylor_lens([sign * value for value in values], place="pol")
+    width, height = size = context.size(document.image_size("width", "height"))
+    xc, yc, c, d, e = (document[key].number() for key in ("xc", "yc", "c", "d", "e"))
+    off = [math.hypot(x / width - 0.5, y / height - 0.5) for x, y in ((xc, yc), (yc, xc))]
+    if min(off) * CLEARLY > max(off):
+        document["xc"].fail(
+            f"it is not clear whether xc {xc:g} and yc {yc:g} are column and row or, as OCamCalib's, row and column; "
+            "write the camera as OCamCalib's calib_results.txt"
+        )
+    is_column_first = off[0] < off[1]
+    matrix = (f * c, 1 / c, e / c, d / c) if is_column_first and c else (f, c, d, e)
+    fx, skew, fy, turn = upper_triangle(*matrix, place="c, d, e")
+    cx, cy = (xc, yc) if is_column_first else (yc, xc)
+    native = Native(fx=fx, fy=fy, cx=cx, cy=cy, skew=skew)
+    notes = [
+        f"xc and yc were taken as {'column and row' if is_column_first else 'row and column'}, by the image size"
+    ]
+    notes += (
+        [f"the camera's frame is turned about its axis by {math.degrees(turn):.4f}° against the file's"]
+        if turn
+        else []
+    )
+    extras = ((PREFIX + "invpol", " ".join(json.dumps(value) for value in document["invpol"].numbers())),)
+    return context.calibration(CONVENTION.intrinsics(native, size), lens, notes=notes, extras=extras)
+
+
 def _rows(data: bytes) -> tuple[str, str, str, str, str]:
     """The five rows of numbers."""
     text = text_of(data, most=MAX_BYTES)
@@ -104,8 +144,8 @@ def _counted(row: str, place: str) -> tuple[float, ...]:
 FORMAT = Format(
     name="ocamcalib",
     title="OCamCalib (Scaramuzza) calib_results.txt",
-    suffixes=(".txt",),
-    syntaxes=(Syntax.TEXT,),
+    suffixes=(".txt", ".json"),
+    syntaxes=(Syntax.TEXT, Syntax.JSON),
     reference="https://sites.google.com/site/scarabotix/ocamcalib-omnidirectional-camera-calibration-toolbox-for-matlab",
     convention=CONVENTION,
     sniff=sniff,

@@ -14,8 +14,9 @@ In the format's own words::
     T1 … T2 …
 
 one key to a line. Px and Py are mm from the image's top-left corner, y down; only the ratio of all lengths to
-the sensor width in the comment means anything, and the image size is not in the file. Pixels are square. The
-coefficients act on x/z, y/z as OpenCV's, T1 and T2 being its p1 and p2.
+the sensor width in the comment means anything, and Pix4D does not state the image size: calibrary writes it into a
+comment (``#Image size 5472x3648 px``), and reads it there. Pixels are square. The coefficients act on x/z, y/z as
+OpenCV's, T1 and T2 being its p1 and p2.
 
 Sources: Pix4D support, "How are the internal and external camera parameters defined?"; a project's .cam and its
 ``calibrated_camera_parameters.txt`` hold the same K once both are in pixels.
@@ -26,7 +27,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from calibrary.calibration import Calibration, Grade
+from calibrary.calibration import Calibration, Grade, ImageSize
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion, required
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.image_size import ASPECT_TOLERANCE
@@ -44,11 +45,16 @@ CONVENTION = Convention(
     unit=Unit.MILLIMETRE,
     origin=Origin.CORNER,
     coefficients=COEFFICIENTS,
-    remarks=("lengths are relative to the sensor width that the file assumes", "pixels are square"),
+    remarks=(
+        "lengths are relative to the sensor width that the file assumes",
+        "pixels are square",
+        "Pix4D does not state the image size: `--image-size WxH`",
+    ),
 )
 SENSOR = "pix4d_cam/sensor_mm"
 
 _FIRST_LINE = re.compile(r"Pix4\w* camera calibration file\b")
+_SIZE = re.compile(r"#Image size (\d{1,7})x(\d{1,7}) px")
 _SENSOR = re.compile(r"sensor width of\s*([\d.eE+-]+)\s*x\s*([\d.eE+-]+)\s*mm")
 
 
@@ -60,9 +66,9 @@ def sniff(content: Content) -> Sniff | None:
 
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
-    """The one camera of the file; its size comes from the caller."""
-    values, sensor = _parsed(data)
-    size = context.size(None)
+    """The one camera of the file; where no comment states its size, it comes from the caller."""
+    values, sensor, stated = _parsed(data)
+    size = context.size(stated)
     stretch = sensor[0] * size[1] / (sensor[1] * size[0])
     if not abs(stretch - 1) <= ASPECT_TOLERANCE:
         raise ParseError(
@@ -92,6 +98,7 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     brown = required(calibration.distortion, BrownConrady)
     rows = (
         "Pix4D camera calibration file 0",
+        f"#Image size {width}x{height} px",
         f"#Focal Length mm assuming a sensor width of {sensor[0]!r}x{sensor[1]!r}mm",
         f"F {native.fx!r}",
         "#Principal Point mm",
@@ -109,18 +116,21 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
     return "".join(f"{row}\n" for row in rows).encode()
 
 
-def _parsed(data: bytes) -> tuple[dict[str, float], SizeMm]:
-    """The numbers by key, and the sensor's size in mm."""
+def _parsed(data: bytes) -> tuple[dict[str, float], SizeMm, ImageSize | None]:
+    """The numbers by key, the sensor's size in mm, and the image's if a comment of ours states it."""
     rows = rows_of(data)
     text = [(index, row.strip()) for index, row in enumerate(rows, start=1) if row.strip()]
     if not text or not _FIRST_LINE.match(text[0][1]):
         raise ParseError("the first line is not 'Pix4D camera calibration file'")
     values: dict[str, float] = {}
     sensor: SizeMm | None = None
+    size: ImageSize | None = None
     for index, row in text[1:]:
         place = f"line {index}"
         if row.startswith("#"):
             sensor = sensor or _sensor_in(row, place=place)
+            if found := _SIZE.fullmatch(row):
+                size = strict.image_size(float(found[1]), float(found[2]), place=place)
             continue
         key, _, rest = row.partition(" ")
         if key not in KEYS:
@@ -140,7 +150,7 @@ def _parsed(data: bytes) -> tuple[dict[str, float], SizeMm]:
             "there is no comment 'assuming a sensor width of …', without which millimetres are not pixels; "
             "add '#Focal Length mm assuming a sensor width of <width>x<height>mm'"
         )
-    return values, sensor
+    return values, sensor, size
 
 
 def _sensor_in(comment: str, *, place: str) -> SizeMm | None:
@@ -170,5 +180,4 @@ FORMAT = Format(
     read=read,
     write=write,
     capacity=Capacity(models=(NoDistortion, BrownConrady), two_focals=False, unknown_lens=UnknownLens.FREE),
-    needs_image_size=True,
 )

@@ -10,9 +10,15 @@ In the formats' own words::
     {"width": 1280, "height": 720, "fx": 638.1, "fy": 638.1, "ppx": 647.9, "ppy": 351.9,
      "model": "Brown Conrady", "coeffs": [0, 0, 0, 0, 0]}              k1 k2 p1 p2 k3
 
+    Intrinsic of "Color" / 1280x720 / {YUYV/RGB8/…}
+      Width: 1280   Height: 720   PPX: 641.5   PPY: 363.3   Fx: 911.3   Fy: 910.7                  a line each
+      Distortion: Inverse Brown Conrady
+      Coeffs: 0.1312  -0.2811  0.0007  -0.0004  0.1203
+
 The first is what the D400 series' tools export. The camera rectifies its images before it hands them out, so
 ``rectified`` is the camera of those images at each resolution. The second is ``rs2_intrinsics``, alone, in a list, or
-several by the names of their streams. (0, 0) is the centre of the top-left pixel.
+several by the names of their streams. The third is what ``rs-enumerate-devices -c`` prints, each stream at each of its
+sizes. (0, 0) is the centre of the top-left pixel.
 
 ``Inverse Brown Conrady`` is documented to undistort; librealsense once did that in closed form and now inverts the
 same polynomial as if it distorted, so files with coefficients other than zero leave it open which is meant.
@@ -38,11 +44,12 @@ from calibrary.errors import InputError, ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
-from calibrary.parsers.document import Node
+from calibrary.parsers.document import Node, accounted
 from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
 from calibrary.parsers.formats import _file_storage as storage
 from calibrary.parsers.formats._json_text import loaded
 from calibrary.parsers.formats._opencv_lens import lens
+from calibrary.parsers.formats._text_rows import rows_of
 from calibrary.records import Json
 
 CONVENTION = Convention(
@@ -59,11 +66,22 @@ FULL = 5
 UNNAMED = "the file names no model, so Brown Conrady was taken, with librealsense's order k1 k2 p1 p2 k3"
 SHAPE = frozenset({"ppx", "ppy", "fx", "fy"})
 
+KEYS = {
+    "Width": "width", "Height": "height", "PPX": "ppx", "PPY": "ppy", "Fx": "fx", "Fy": "fy", "Distortion": "model",
+    "Coeffs": "coeffs",
+}  # fmt: skip
+"""As they are printed, and the fields that they are of."""
+MAX_BYTES = 1024 * 1024
+
+_PRINTED = re.compile(r'Intrinsics? of "([^"]{1,60})" / (\d+x\d+)')
 _RECTIFIED = re.compile(r"rectified\.(\d+)\.fx")
 
 
 def sniff(content: Content) -> Sniff | None:
-    """The key rectified.0.fx, or an object with fx, fy, ppx, ppy."""
+    """The key rectified.0.fx, an object with fx, fy, ppx, ppy, or a printed stream."""
+    if content.syntax is Syntax.TEXT:
+        is_printed = "PPX:" in (content.text or "") and any(_PRINTED.match(line) for line in content.lines)
+        return Sniff(Sure.MAGIC, "a line Intrinsic of, and PPX") if is_printed else None
     table = next((key for key in content.json_keys if _RECTIFIED.fullmatch(key)), None)
     if table:
         return Sniff(Sure.MAGIC, f"the key {table}")
@@ -74,7 +92,10 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The rectified camera at every resolution, or every stream."""
-    document = loaded(data, context)
+    if not data.lstrip().startswith((b"{", b"[")):
+        document = Node(_printed(data, context.name), source=context.name)
+    else:
+        document = loaded(data, context)
     if isinstance(document.value, dict):
         numbers = [match[1] for key, _ in document.entries() if (match := _RECTIFIED.fullmatch(key))]
         if numbers:
@@ -101,6 +122,26 @@ def _streams(value: Json) -> Iterator[tuple[str, Json]]:
             for index, item in enumerate(value)
             if isinstance(item, dict) and item.keys() >= SHAPE
         )
+
+
+@accounted
+def _printed(data: bytes, source: str) -> dict[str, Json]:
+    """The streams that rs-enumerate-devices prints, by name and size, under the keys of rs2_intrinsics."""
+    streams: dict[str, Json] = {}
+    table: dict[str, Json] = {}
+    for row in rows_of(data, source=source, most=MAX_BYTES):
+        if heading := _PRINTED.match(row.strip()):
+            table = {}
+            size = heading[2]
+            streams[heading[1] + f" {size}"] = table
+        key, mark, value = (part.strip() for part in row.partition(":"))
+        if mark and key in KEYS:
+            table[KEYS[key]] = [*map(strict.number, value.split())] if key == "Coeffs" else value
+        elif not row.strip():
+            table = {}
+    return {
+        name: found for name, found in streams.items() if isinstance(found, dict) and found.keys() >= SHAPE
+    }
 
 
 def _table(document: Node, numbers: Sequence[str], context: ReadContext) -> list[Calibration]:
@@ -248,8 +289,8 @@ LENSES: dict[str, Callable[[Sequence[float], Node, ReadContext], Distortion]] = 
 FORMAT = Format(
     name="realsense",
     title="Intel RealSense intrinsics",
-    suffixes=(".json",),
-    syntaxes=(Syntax.JSON,),
+    suffixes=(".json", ".txt"),
+    syntaxes=(Syntax.TEXT, Syntax.JSON),
     reference="https://dev.intelrealsense.com/docs/projection-in-intel-realsense-sdk-20",
     convention=CONVENTION,
     sniff=sniff,

@@ -249,3 +249,9 @@ def test_another_model_is_refused_by_name(text: str, match: str) -> None:
 def test_a_broken_file_names_what_is_wrong(text: str, match: str) -> None:
     with pytest.raises(ParseError, match=match):
         read(text)
+
+
+def test_a_camera_may_have_any_name() -> None:
+    two = RADTAN.replace("cam0", "camera_center") + RADTAN.replace("cam0", "rear")
+    assert [item.camera.sub_camera for item in read(two)] == ["camera_center", "rear"]
+    assert one(RADTAN.replace("cam0", "camera_center")).intrinsics == one(RADTAN).intrinsics

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 
 import numpy as np
@@ -113,3 +114,36 @@ def test_it_becomes_opencvs_fisheye_only_as_far_as_the_caller_accepts() -> None:
         parsers.encode([calibration], "keyed_text", name="x.cal")
     _, verdict = parsers.encode([calibration], "keyed_text", name="x.cal", max_error_px=5.0)
     assert 1.0 < verdict.max_px < 5.0
+
+
+def test_json_with_an_axis_that_points_forwards_is_the_same_camera() -> None:
+    document = {
+        "pol": [325.9, 0.0, -8.6e-04, 3.5e-08, -6.7e-09], "invpol": [407.2, 159.7, -53.2],
+        "width": 640, "height": 480, "xc": ROW, "yc": COLUMN, "c": 1.002, "d": 0.0014, "e": 0.0001,
+    }  # fmt: skip
+    [item] = parsers.decode(json.dumps(document).encode(), name="ocam.json")
+    whole = read(TEXT)
+    assert (item.intrinsics, item.distortion) == (whole.intrinsics, whole.distortion)
+    assert "row and column" in item.notes[0]
+    straight = document | {"c": 1.0, "d": 0.0, "e": 0.0}
+    exchanged = straight | {"xc": COLUMN, "yc": ROW}
+    one, two = (
+        parsers.decode(json.dumps(each).encode(), name="ocam.json")[0] for each in (straight, exchanged)
+    )
+    assert one.intrinsics == two.intrinsics
+
+
+def test_json_whose_centre_may_be_either_way_round_is_asked_about() -> None:
+    document = {
+        "pol": [325.9],
+        "invpol": [],
+        "width": 640,
+        "height": 640,
+        "xc": 318.0,
+        "yc": 322.0,
+        "c": 1,
+        "d": 0,
+        "e": 0,
+    }
+    with pytest.raises(ParseError, match="column and row or"):
+        parsers.decode(json.dumps(document).encode(), name="ocam.json")

@@ -102,11 +102,11 @@ def test_a_fisheyes_file_is_refused_with_the_way_out() -> None:
 
 def test_the_sensor_survives_and_is_taken_from_the_focal_length_otherwise() -> None:
     data, verdict = parsers.encode([read(CAM)], "pix4d_cam")
-    assert verdict.dropped == ("image size",)
+    assert verdict.dropped == ()
     assert read(data.decode()).extras == read(CAM).extras
     K = replace(camera().intrinsics, fy=3650.1)
     known = replace(camera(), intrinsics=K, camera=CameraKey(image_size=SIZE, focal_mm=8.8))
-    focal = parsers.encode([known], "pix4d_cam")[0].decode().splitlines()[2]
+    focal = parsers.encode([known], "pix4d_cam")[0].decode().splitlines()[3]
     assert float(focal.removeprefix("F ")) == pytest.approx(8.8, rel=1e-15)
 
 
@@ -119,3 +119,9 @@ def test_pix4d_reads_its_own_terms() -> None:
         "Pix4D", "F", "Px", "Py", "K1", "K2", "K3", "T1", "T2"
     ]  # fmt: skip
     assert rows[-2:] == ["T1 0.0003", "T2 -0.0007"]
+
+
+def test_what_is_written_states_its_image_size_in_a_comment() -> None:
+    data, verdict = parsers.encode([read(CAM)], "pix4d_cam")
+    assert parsers.decode(data, name="camera.cam")[0].intrinsics.image_size == read(CAM).intrinsics.image_size
+    assert "image size" not in verdict.dropped

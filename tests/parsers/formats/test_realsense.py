@@ -168,3 +168,38 @@ def test_without_a_model_the_coefficients_are_brown_conradys_and_that_is_said() 
 def test_a_broken_file_names_what_is_wrong(document: Json, error: type[InputError], match: str) -> None:
     with pytest.raises(error, match=match):
         read(document)
+
+
+PRINTED = """\
+ Intrinsic of "Color" / {size} / {{YUYV/RGB8}}
+  Width:      	{width}
+  Height:     	{height}
+  PPX:        	647.9
+  PPY:        	351.9
+  Fx:         	638.1
+  Fy:         	637.9
+  Distortion: 	Brown Conrady
+  Coeffs:     	-0.055  	0.066  	-0.0006  	0.0004  	-0.021
+  FOV (deg):  	90.17 x 58.87
+
+"""
+
+
+def printed(*sizes: str) -> bytes:
+    blocks = (
+        PRINTED.format(size=size, width=size.split("x")[0], height=size.split("x")[1]) for size in sizes
+    )
+    return (
+        "Intrinsic Parameters:\n\n" + "".join(blocks) + 'Extrinsic from "Color"\n Rotation: 1 0 0\n'
+    ).encode()
+
+
+def test_what_rs_enumerate_devices_prints_is_read() -> None:
+    [item] = parsers.decode(printed("1280x720"), name="camera.txt")
+    [same] = read(STREAM)
+    assert (item.intrinsics, item.distortion) == (same.intrinsics, same.distortion)
+
+
+def test_every_printed_stream_is_named_with_its_size() -> None:
+    cameras = parsers.decode(printed("1280x720", "1920x1080"), name="camera.txt")
+    assert [item.camera.sub_camera for item in cameras] == ["Color 1280x720", "Color 1920x1080"]

@@ -19,11 +19,6 @@ camera0_FocalLen=457.3
 camera0_CameraCenterX=1234.7
 """
 CASES = [
-    (
-        "pix4d_camera_database",
-        '<cameraModelDB><version>19</version><cameras><camera name="A_8.8_5472x3648"/></cameras></cameraModelDB>',
-        r"Pix4D camera database.*\.cam",
-    ),
     *(
         (
             "opf_document",
