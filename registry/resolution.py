@@ -69,6 +69,15 @@ class Resolution(Struct, frozen=True, kw_only=True):
     layer: str | None = None
     disagreements: tuple[str, ...] = ()
 
+    @property
+    def stated(self) -> Calibration:
+        """The entry's calibration at the image size at which it was measured; its provenance is the entry."""
+        own = noted(self.entry)
+        K = own.intrinsics
+        as_it_is = Adapted(intrinsics=K, reference_size=K.image_size)
+        camera = replace(self.calibration.camera, image_size=K.image_size)
+        return replace(own, camera=camera, provenance=_behind(self.path, own.provenance, as_it_is))
+
 
 def resolve(
     entries: Mapping[str, Entry],
@@ -383,8 +392,6 @@ def _why(found: EntryMatch, others: int) -> str:
     text = f"{found.path} is of {_words(found)}" if found.states else f"{found.path} is of this model"
     if found.alias:
         text += f"; it is of {camera.make} {camera.model}, of which this is an alias"
-    if found.adapted.steps:
-        text += f"; {'; '.join(found.adapted.steps)}"
     if others:
         text += f"; {others} more match and are less specific"
     return text

@@ -113,7 +113,10 @@ class SourceEstimate(Record):
         is_whole: False for a fisheye without its distortion: its focal length can be compared, and is not a K.
         by_focal_plane: whether FocalPlaneResolution was used to convert its millimetres to pixels.
         date: calibration date that the source states, as written there.
+        stated: the intrinsics before they were converted to the file's image size; None if read from a document.
     """
+
+    _unwritten = frozenset({"stated"})
 
     source: Source
     tag: str
@@ -128,6 +131,7 @@ class SourceEstimate(Record):
     is_whole: bool = True
     by_focal_plane: bool = False
     date: str | None = None
+    stated: Intrinsics | None = None
 
     def confirms_within(self, other: SourceEstimate) -> float:
         """Largest relative difference in focal length at which this and another estimate confirm each other."""
@@ -361,6 +365,7 @@ class Scene(Struct, frozen=True, kw_only=True):
             assumptions=(*assumptions, *adapted.assumptions),
             tolerance=tolerance,
             is_whole=not self.is_fisheye or isinstance(distortion, FisheyePolynomial),
+            stated=intrinsics,
         )
 
 

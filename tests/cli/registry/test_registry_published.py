@@ -85,7 +85,7 @@ def test_what_a_published_registry_cannot_be_asked_is_one_line(
 def test_the_variable_may_name_several(
     public: Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    commit(tmp_path / "ours", an_entry(focal_mm=None, fx=3500.0))
+    commit(tmp_path / "ours", an_entry(focal_mm=None, fx=3500.0, distortion=None))
     monkeypatch.setenv("CALIBRARY_REGISTRY", f"{tmp_path / 'ours'};{public.url}")
     answer = printed(capsys, "resolution-1", "resolve", P4R)
     assert answer["calibration"]["intrinsics"]["fx"] == 3500.0

@@ -108,7 +108,7 @@ def test_the_same_entry_answers_that_extract_would_take(
     put(
         fleet,
         an_entry(focal_mm=None),
-        an_entry(focal_mm=None, fx=3600.0, firmware=FirmwareRange(min="01.09")),
+        an_entry(focal_mm=None, fx=3600.0, distortion=None, firmware=FirmwareRange(min="01.09")),
     )
     image = picture(tmp_path / "a.jpg", **TAGS, software="01.10")
     answer = printed(capsys, "resolution-1", "resolve", image)
@@ -196,7 +196,7 @@ def test_another_name_of_a_camera_finds_it(fleet: Path, capsys: pytest.CaptureFi
 def test_the_day_it_is_for_and_the_state_of_the_registry_are_two_things(
     fleet: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    first = put(fleet, an_entry(fx=3600.0))
+    first = put(fleet, an_entry(fx=3600.0, distortion=None))
     put(fleet, an_entry(fx=3700.0, validity=Validity(first=date(2026, 5, 1))))
     by_day = ["resolve", "dji/fc6310r", "--on", "2026-04-30"]
     earlier = printed(capsys, "resolution-1", *by_day)

@@ -288,11 +288,10 @@ def _audit(one: Folder, report: AuditReport, found: Answers) -> None:
 
 def _resolve(one: Folder, found: Answers) -> None:
     told = resolve(one.images / "IMG_1.jpg", registry=one.registry)
-    found.said.append(f"resolve: {told.why}; {told.disagreements}")
+    found.said.append(f"resolve: {told.why}; {told.use}: {told.use_reason}; {told.disagreements}")
     found.of_entry["resolve"] = None
     if told.entry is not None:
-        believed = [text for text in told.disagreements if "it is not believed" not in text]
-        found.of_entry["resolve"] = AGAINST if believed else FOR
+        found.of_entry["resolve"] = AGAINST if told.calibration is None else FOR
 
 
 def _onboard(one: Folder, found: Answers) -> None:

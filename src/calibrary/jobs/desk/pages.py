@@ -39,7 +39,7 @@ from calibrary.jobs.desk.running import REPORT, SAME, desk_page, running
 from calibrary.jobs.desk.work import PATIENCE_S, Job, Jobs
 from calibrary.jobs.extract.hand_off import colmap_flags
 from calibrary.jobs.fleet import Fleet
-from calibrary.jobs.resolve.run import FleetAnswer
+from calibrary.jobs.resolve.run import FleetAnswer, PossibleK
 from calibrary.jobs.site.camera_page import (
     STATUSES,
     Download,
@@ -51,7 +51,7 @@ from calibrary.jobs.site.camera_page import (
     steps,
 )
 from calibrary.jobs.site.folder import INDEX, Place
-from calibrary.jobs.weigh.use import allowed
+from calibrary.jobs.weigh.use import Allowed, allowed
 from calibrary.known_camera import KnownCamera
 from calibrary.pages import (
     Badge,
@@ -349,17 +349,28 @@ class Pages:
                 return
             words = id_of(fits[0])
             answer = fleet.resolve(words, stated=stated, on=day)
-        yield self._answered(fleet, answer, ("registry", "resolve", *([words] if words else _flags(stated))))
+        yield self._answered(answer, ("registry", "resolve", *([words] if words else _flags(stated))))
 
-    def _answered(self, fleet: Fleet, answer: FleetAnswer, command: tuple[str, ...]) -> Section:
+    def _answered(self, answer: FleetAnswer, command: tuple[str, ...]) -> Section:
         K, entry = answer.calibration, answer.entry
+        if K is None and answer.path is not None:
+            blocks: list[Block] = [
+                Note(
+                    text=f"The K of {answer.path} may not be used for {answer.camera}: {answer.use_reason}.",
+                    action=answer.remedy,
+                    tone=Tone.BAD,
+                ),
+                *(KeyValues(tuple(_of_possible(one))) for one in answer.possible),
+                self._command(*command, "--on", answer.on.isoformat()),
+            ]
+            return Section(title="No K to use", blocks=tuple(blocks))
         if K is None:
             near = tuple(f"{one.path}: {one.reason}" for one in answer.near[:3])
             text = f"No approved K applies to {answer.camera} on {answer.on}. {'; '.join(near)}"
             action = "approve a proposal, or put a calibration into the registry"
             return Section(title="No K", blocks=(Note(text=text, action=action, tone=Tone.BAD),))
         label = f" ({entry.label})" if entry is not None and entry.label else ""
-        blocks: list[Block] = [
+        blocks = [
             Note(
                 text=f"Use this K for {answer.camera}{label} on {answer.on}: {answer.why}.",
                 action=f"look at its limits: it is {entry.reason}"
@@ -374,7 +385,8 @@ class Pages:
         blocks.append(KeyValues(tuple(intrinsics_items(K))))
         blocks += distortion_blocks(K)
         blocks.append(KeyValues(facts(K.provenance, traced=False)))
-        blocks += _good_for(K, fleet)
+        if answer.allowed is not None:
+            blocks += _good_for(answer.allowed)
         if entry is not None:
             blocks.append(Link(f"All of {entry.id}", f"/{_place(entry.path).page}"))
         query = urlencode({**_query(answer.camera), "on": answer.on.isoformat()})
@@ -421,7 +433,7 @@ class Pages:
             if not files:
                 raise InputError("no image was chosen; choose one of the camera's, or drop it there")
             answer, name = fleet.resolve(files["image"]), called["image"]
-        found = self._answered(fleet, answer, ("registry", "resolve", name))
+        found = self._answered(answer, ("registry", "resolve", name))
         return desk_page(
             title=f"Which K for {name}?",
             lead=f"{answer.camera}, by {answer.known_by}. {self._about(fleet)}",
@@ -594,7 +606,7 @@ class Pages:
         use = Section(
             title="What it is good for",
             blocks=(
-                *_good_for(K, fleet),
+                *_good_for(allowed(K, fleet.snapshot.configuration.policy)),
                 *_program_flags(K),
                 Link("Compare it with another state of it, or a file", f"/compare?{urlencode({'b': id_})}"),
                 self._command("registry", "show", id_),
@@ -672,8 +684,13 @@ def _known(cameras: Sequence[KnownCamera]) -> Section:
     )
 
 
-def _good_for(calibration: Calibration, fleet: Fleet) -> Iterator[Block]:
-    found = allowed(calibration, fleet.snapshot.configuration.policy)
+def _of_possible(one: PossibleK) -> Iterator[tuple[str, str]]:
+    K = one.intrinsics
+    yield "how", "; ".join(one.steps) or "of this size"
+    yield "K, if so", ", ".join(f"{name} {getattr(K, name):.2f} px" for name in ("fx", "fy", "cx", "cy"))
+
+
+def _good_for(found: Allowed) -> Iterator[Block]:
     said = f"{USES[found.use.value]}: {found.why}."
     yield KeyValues((("use", Badge(found.use.value, Tone.GOOD if found.use == "fixed" else Tone.CAUTION)),))
     yield said

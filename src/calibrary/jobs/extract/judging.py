@@ -82,6 +82,12 @@ def judge(
     return first, *(_apart_from(first, camera) for camera in others)
 
 
+def state_of_image(metadata: ImageMetadata, policy: Policy) -> tuple[State, Evidence]:
+    """One image as the only one of its camera, and what it states, with what the catalogue knows."""
+    [(state, *_)] = group_cameras(undated({metadata: [""]}), Knowledge.load(None)).values()
+    return state, evidence_of(scene_of(state, Sensor(size_mm=DEFAULT_SENSOR_MM, given=False), policy))
+
+
 def judge_image(metadata: ImageMetadata, name: str, policy: Policy) -> Camera | None:
     """The camera of one image, by the image and the catalogue; None if it states nothing of one."""
     groups = group_cameras(undated({metadata: [name]}), Knowledge.load(None))

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from datetime import date
 from functools import partial
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from calibrary.arguments import CameraLike
 from calibrary.calibration import Calibration, CameraKey, ImageSize, Intrinsics
@@ -16,7 +16,7 @@ from calibrary.errors import AmbiguousCameraError, InputError, UnknownCameraErro
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.interop.notebook import html_table
 from calibrary.jobs.layers import AskedLayer, Layer, LayerKind, Layers
-from calibrary.jobs.weigh.use import Allowed, allowed
+from calibrary.jobs.weigh.use import Allowed
 from calibrary.policy import FLEET, Policy
 from calibrary.records import Json, Record, from_json, replace
 from calibrary.registry.entry import Entry, Status
@@ -26,6 +26,9 @@ from calibrary.registry.history import Approval, Recorded, approvals_of, recorde
 from calibrary.registry.paths import find_path, find_paths, id_of, proposal_path, unit_folder
 from calibrary.registry.resolution import RegistryIndex, RejectedEntry, Resolution
 from calibrary.registry.snapshot import Snapshot, StoredEntry
+
+if TYPE_CHECKING:
+    from calibrary.jobs.survey import Weighed
 
 SEVERAL: Final = 8
 
@@ -70,6 +73,20 @@ class UsedEntry(Record):
     label: str | None = None
 
 
+class PossibleK(Record):
+    """K of an entry at the size of an image, by one of the ways in which the image may have come from its frame.
+
+    Attributes:
+        intrinsics: K.
+        steps: what was done to the frame, in words.
+        assumptions: what is taken for granted.
+    """
+
+    intrinsics: Intrinsics
+    steps: tuple[str, ...] = ()
+    assumptions: tuple[str, ...] = ()
+
+
 class FleetAnswer(Record, tag_field="schema", tag="calibrary/resolution-1"):
     """Answer of one or several registries for a camera; output of ``calibrary registry resolve --json``.
 
@@ -82,20 +99,22 @@ class FleetAnswer(Record, tag_field="schema", tag="calibrary/resolution-1"):
         camera: the camera to resolve, as far as it is known.
         known_by: how the camera was determined.
         entry: the entry in use; None if there is none, or it is the catalogue's.
-        calibration: at the camera's image size; None if no entry applies.
+        calibration: at the camera's image size; None if no entry applies, or a solver may do nothing with its K.
         why: the reason for the choice.
-        disagreements: contradictions from registries with lower precedence.
+        disagreements: what contradicts the K and is not believed, and registries with lower precedence.
         near: the first few entries that are not used or are less specific.
         warnings: on the registries: unreachable servers, and the age of copies.
         path: of the entry in its registry or in the catalogue.
-        found: what was resolved, and the policy by which its use is judged; read from a document, what that says of it.
+        possible: K of an entry that may not be used, by each way in which it may be of the image.
+        remedy: what to do if K may not be used, or only with care; None if there is nothing to do.
+        allowed: what a solver may do with K, and why; None if no entry applies.
 
     >>> answer = calibrary.open_registry("fleet").resolve("survey/DJI_0001.JPG")
     >>> answer.status.value, answer.why
     ('approved', 'cameras/dji/fc6310r/5472x3648.yaml is of this model')
     """
 
-    _unwritten = frozenset({"path", "found"})
+    _unwritten = frozenset({"path", "allowed"})
 
     registry: str
     commit: ObjectId | None
@@ -110,7 +129,9 @@ class FleetAnswer(Record, tag_field="schema", tag="calibrary/resolution-1"):
     near: tuple[RejectedEntry, ...]
     warnings: tuple[str, ...]
     path: str | None = None
-    found: tuple[Resolution, Policy] | Allowed | None = None
+    possible: tuple[PossibleK, ...] = ()
+    remedy: str | None = None
+    allowed: Allowed | None = None
 
     def __hash__(self) -> int:
         """Of what was asked, and where the answer lies; what was found has maps, which have none."""
@@ -118,17 +139,13 @@ class FleetAnswer(Record, tag_field="schema", tag="calibrary/resolution-1"):
 
     @property
     def use(self) -> str | None:
-        """What a solver may do with K: fixed, start or none; None if no entry applies. Judged when it is asked for."""
-        return found.use.value if (found := self._allowed) is not None else None
+        """What a solver may do with K: fixed, start or none; None if no entry applies."""
+        return self.allowed.use.value if self.allowed is not None else None
 
     @property
     def use_reason(self) -> str | None:
         """Why."""
-        return found.why if (found := self._allowed) is not None else None
-
-    @property
-    def _allowed(self) -> Allowed | None:
-        return _use_of(*self.found) if isinstance(self.found, tuple) else self.found
+        return self.allowed.why if self.allowed is not None else None
 
     def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
         return document | {"use": self.use, "use_reason": self.use_reason}
@@ -137,7 +154,7 @@ class FleetAnswer(Record, tag_field="schema", tag="calibrary/resolution-1"):
     def _unwire(cls, document: dict[str, Json]) -> dict[str, Any]:
         use, why = document.pop("use", None), document.pop("use_reason", None)
         said = from_json(Allowed, {"use": use, "why": why}) if use is not None else None
-        return document | {"found": said}
+        return document | {"allowed": said}
 
     @classmethod
     def _wire_schema(cls, schema: dict[str, Any], _defs: dict[str, Any]) -> dict[str, Any]:
@@ -160,6 +177,7 @@ class FleetAnswer(Record, tag_field="schema", tag="calibrary/resolution-1"):
         found = self.calibration
         rows = [("entry", self.entry.id if self.entry is not None else self.registry if found else "none")]
         rows += [("status", self.status.value)] if self.status is not None else []
+        rows += [("use", f"{self.use}: {self.use_reason}")] if self.use is not None else []
         rows += [("why", self.why or "; ".join(f"{one.path}: {one.reason}" for one in self.near[:3]))]
         rows += [("disagrees", text) for text in self.disagreements]
         answer = html_table(f"{self.camera}, on {self.on}", rows)
@@ -202,6 +220,7 @@ def resolved(
     near = found.near if found is not None else layers.near(key, on=day)
     layer = layers.layer_of(found)
     is_entry = found is not None and layer.kind is not LayerKind.CATALOGUE
+    weighed = _weighed(found, asked.metadata, layer, key.image_size) if found is not None else None
     return FleetAnswer(
         registry=layer.name,
         commit=layer.commit,
@@ -210,15 +229,28 @@ def resolved(
         camera=key,
         known_by=asked.known_by,
         entry=_used(layer, found, history=history) if found is not None and is_entry else None,
-        calibration=found.calibration if found is not None else None,
+        calibration=_of_camera(weighed.calibration, found)
+        if weighed is not None and found is not None
+        else None,
         why=found.why if found is not None else None,
-        disagreements=(*_against_image(found, asked.metadata, layer), *found.disagreements)
-        if found is not None
+        disagreements=(*weighed.disbelieved, *found.disagreements)
+        if found is not None and weighed is not None
         else (),
         near=near,
         warnings=layers.warnings,
         path=found.path if found is not None else None,
-        found=(found, _policy(layer)) if found is not None else None,
+        possible=_possible(weighed) if weighed is not None and weighed.calibration is None else (),
+        remedy=weighed.findings[0].remedy if weighed is not None and weighed.findings else None,
+        allowed=weighed.use if weighed is not None else None,
+    )
+
+
+def _possible(weighed: Weighed) -> tuple[PossibleK, ...]:
+    return tuple(
+        PossibleK(
+            intrinsics=one.calibration.intrinsics, steps=one.reading.steps, assumptions=one.reading.assumes
+        )
+        for one in weighed.ways
     )
 
 
@@ -238,48 +270,42 @@ def _refuse_nameless(key: CameraKey, word: str | None) -> None:
         )
 
 
-def _against_image(found: Resolution, metadata: ImageMetadata | None, layer: Layer) -> Iterator[str]:
-    """What the image that was asked about states against the K of the answer."""
-    if metadata is None:
-        return
-    # An answer to a KEY weighs nothing.
-    from calibrary.jobs.extract.judging import judge_image  # noqa: PLC0415  the reason above
-    from calibrary.jobs.weigh import Source, of_tags, weigh  # noqa: PLC0415  the reason above
-
-    policy = _policy(layer)
-    camera = judge_image(metadata, "", policy)
-    if camera is None:
-        return
-    doubt = camera.doubt(found.entry.calibration)
-    if doubt is not None:
-        yield f"{doubt}: nothing shows that this K describes it"
-    entry, key = Source.of_entry(found, policy), found.calibration.camera
-    for one in weigh(entry, of_tags(camera.evidence, camera.key, policy), key, policy).contradicted_by:
-        shown = " and ".join(one.disbelieved_by)
-        yield f"{one.source.name} of the image {one.message}" + (
-            f"; it is not believed: {shown} show it wrong" if shown else ""
-        )
+MOST_ALONE: Final = 256
+_alone: dict[tuple[int, str, ImageSize | None], tuple[Entry, Policy, Weighed]] = {}
 
 
-MOST_USES: Final = 256
-_uses: dict[tuple[int, Intrinsics], tuple[Entry, Policy, Allowed]] = {}
+def _weighed(
+    found: Resolution, metadata: ImageMetadata | None, layer: Layer, size: ImageSize | None
+) -> Weighed:
+    """The entry among all that the image states of its camera; without an image, by its size alone.
 
-
-def _use_of(found: Resolution, policy: Policy) -> Allowed:
-    """What a solver may do with the K of an answer, at its image size.
-
-    The entries of a state stay in memory, and a program resolves image after image: σ over the frame takes a hundred
-    times as long as all else, and is asked for once.
+    The entries of a state stay in memory, and a program resolves camera after camera: what is alone is weighed once.
     """
-    at = id(found.entry), found.calibration.intrinsics
-    known = _uses.get(at)
+    policy, at = _policy(layer), (id(found.entry), found.path, size)
+    known = _alone.get(at) if metadata is None else None
     if known is not None and known[0] is found.entry and known[1] is policy:
         return known[2]
-    use = allowed(found.calibration, policy)
-    if len(_uses) >= MOST_USES:
-        _uses.clear()
-    _uses[at] = (found.entry, policy, use)
-    return use
+    from calibrary.jobs.survey import Survey, of_catalogue, of_entry, of_tags  # noqa: PLC0415  for those that answer
+
+    entry = of_entry(found, policy, rests_on="catalogue" if layer.kind is LayerKind.CATALOGUE else None)
+    if metadata is None:
+        alone = ImageMetadata(size=size or entry.calibration.intrinsics.image_size)
+        weighed = Survey(alone, [entry], policy).weigh(entry)
+        if len(_alone) >= MOST_ALONE:
+            _alone.clear()
+        _alone[at] = (found.entry, policy, weighed)
+        return weighed
+    # An answer to a KEY needs no readers of images.
+    from calibrary.jobs.extract.judging import state_of_image  # noqa: PLC0415  the reason above
+
+    camera = found.calibration.camera
+    state, evidence = state_of_image(metadata, policy)
+    tags, known_camera = of_tags(evidence, camera, policy), of_catalogue(evidence, camera, policy)
+    return Survey(metadata, [entry, *tags, *known_camera], policy, original=state.original).weigh(entry)
+
+
+def _of_camera(calibration: Calibration | None, found: Resolution) -> Calibration | None:
+    return replace(calibration, camera=found.calibration.camera) if calibration is not None else None
 
 
 def _policy(layer: Layer) -> Policy:

@@ -326,7 +326,7 @@ def of_tags(evidence: Evidence, camera: CameraKey, policy: Policy) -> Iterator[S
         is_known = one.source in OF_KNOWN
         if is_known:
             tolerance = max(usual, known.spread or 0.0) if known is not None else usual
-        tolerance += _known_to_be_off(one.source, evidence)
+        tolerance += known_to_be_off(one.source, evidence)
         yield Source(
             name=one.tag,
             calibration=_calibration(one, camera),
@@ -340,7 +340,7 @@ def of_tags(evidence: Evidence, camera: CameraKey, policy: Policy) -> Iterator[S
         )
 
 
-def _known_to_be_off(source: TagSource, evidence: Evidence) -> float:
+def known_to_be_off(source: TagSource, evidence: Evidence) -> float:
     """How far what a camera writes is from its fitted focal length, where the catalogue states both."""
     known, written = evidence.scene.known, evidence.scene.metadata
     fitted = known.fx_over_w_at(known.focal_mm) if known is not None and known.zoom_mm is None else None

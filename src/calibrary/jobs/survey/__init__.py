@@ -1,0 +1,16 @@
+"""Which K is of these images, and what may a solver do with it? What states one makes a claim; a survey weighs them.
+
+1.  *place*: every claim is brought to the size of the images by the reading that stands (:mod:`.placing`).
+2.  *relate*: every two claims confirm or contradict each other, or do neither (:mod:`.relating`).
+3.  *judge*: what a believed claim contradicts may not be used. A contradiction is disbelieved if two independent claims
+    show it wrong, and nothing independent stands by it (:mod:`.survey`).
+
+Commands select from the answer; nobody gets a K without its use.
+"""
+
+from __future__ import annotations
+
+from calibrary.jobs.survey.claims import Claim, Who, of_catalogue, of_entry, of_tags
+from calibrary.jobs.survey.survey import Survey, Weighed
+
+__all__ = ["Claim", "Survey", "Weighed", "Who", "of_catalogue", "of_entry", "of_tags"]

@@ -1,0 +1,211 @@
+"""The claims about the K of some images, weighed against one another once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+from typing import Final
+
+from msgspec import Struct
+
+from calibrary.calibration import Calibration, Intrinsics
+from calibrary.distortion import NoDistortion
+from calibrary.evidence.identity import firmware
+from calibrary.evidence.metadata import ImageMetadata
+from calibrary.evidence.originality import ORIGINAL, Originality, Pixels
+from calibrary.jobs.survey import words
+from calibrary.jobs.survey.claims import Claim
+from calibrary.jobs.survey.placing import Placed, Settled, place
+from calibrary.jobs.survey.relating import Relation, is_independent, limit_between, relate, relate_as_read
+from calibrary.jobs.weigh.use import Allowed, Use, allowed
+from calibrary.policy import Policy
+from calibrary.quality import Quality
+from calibrary.records import replace
+from calibrary.validation import EDITED, Finding, Severity, Verdict, validate
+
+OF_K_ALONE: Final = frozenset(
+    {"focal-symmetry", "principal-point-drift", "zero-skew", "distortion-monotonic"}
+)
+"""Rules that ask of nothing but K."""
+
+
+class Weighed(Struct, frozen=True, kw_only=True):
+    """A claim among the others.
+
+    Attributes:
+        claim: which.
+        ways: its K at the size of the images, by each reading that may stand; empty if no reading brings it there.
+        verdict: whether the first of them may be used.
+        use: what a solver may do with it, and why.
+        findings: what speaks against it, the gravest first.
+        confirmed_by: the independent claims that confirm it.
+        disbelieved: the claims that contradict it and are shown wrong, each in words.
+    """
+
+    claim: Claim
+    ways: tuple[Placed, ...]
+    verdict: Verdict
+    use: Allowed
+    findings: tuple[Finding, ...] = ()
+    confirmed_by: tuple[Placed, ...] = ()
+    disbelieved: tuple[str, ...] = ()
+
+    @property
+    def calibration(self) -> Calibration | None:
+        """K at the size of the images; None if nothing may be done with it."""
+        return self.ways[0].calibration if self.ways and self.use.use is not Use.NONE else None
+
+
+class Survey:
+    """All claims about the images of one camera that are equal in everything that can affect K."""
+
+    def __init__(
+        self,
+        metadata: ImageMetadata,
+        claims: Sequence[Claim],
+        policy: Policy,
+        *,
+        original: Originality = ORIGINAL,
+    ) -> None:
+        self.metadata, self.claims, self.policy, self.original = metadata, tuple(claims), policy, original
+        self._relations: dict[tuple[int, int], Relation] = {}
+
+    def weigh(self, claim: Claim) -> Weighed:
+        """One claim of this survey among the others."""
+        K = next((one for one in self._placed if one.claim is claim), None)
+        if K is None:
+            found = words.not_this_frame(claim.name)
+            use = Allowed(use=Use.NONE, why=found.message)
+            return Weighed(claim=claim, ways=(), verdict=Verdict.UNPROVEN, use=use, findings=(found,))
+        others = [one for one in self._placed if one is not K]
+        confirming = [one for one in others if self._relation(one, K) is Relation.CONFIRMS]
+        against, disbelieved = [], []
+        for one in others:
+            if self._relation(one, K) is Relation.CONTRADICTS:
+                shown_by = self._shown_wrong(one, K, confirming)
+                if shown_by is None:
+                    against.append(one)
+                else:
+                    disbelieved.append(words.disbelieved(one, shown_by))
+        findings = sorted(self._findings(K, against), key=lambda one: -[*Severity].index(one.severity))
+        return Weighed(
+            claim=claim,
+            ways=K.ways,
+            verdict=_verdict(findings),
+            use=self._use(K, findings, confirming),
+            findings=tuple(findings),
+            confirmed_by=tuple(confirming),
+            disbelieved=tuple(disbelieved),
+        )
+
+    @cached_property
+    def _placed(self) -> tuple[Placed, ...]:
+        return place(self.claims, self.metadata, self._says)
+
+    def _says(self, one: Placed, K: Placed) -> bool | None:
+        found = relate_as_read(one, K, self.policy)
+        return {Relation.CONFIRMS: True, Relation.CONTRADICTS: False}.get(found)
+
+    def _relation(self, one: Placed, K: Placed) -> Relation:
+        at = (min(id(one), id(K)), max(id(one), id(K)))
+        if at not in self._relations:
+            self._relations[at] = relate(one, K, self.policy)
+        return self._relations[at]
+
+    def _shown_wrong(self, one: Placed, K: Placed, confirming: Sequence[Placed]) -> tuple[str, str] | None:
+        """The two that show a contradiction wrong, K and what confirms it; None if it is believed.
+
+        What is measured is shown wrong by two voices; and where two speak against a third, what repeats that third is
+        no support of it.
+        """
+        if not is_independent(one, K):
+            return None
+        against = [
+            other
+            for other in confirming
+            if is_independent(other, one) and self._relation(one, other) is Relation.CONTRADICTS
+        ]
+        voices = [other for other in against if other.claim.voice != K.claim.voice]
+        if one.claim.is_measured:
+            against = voices
+        # What is stated of the whole frame shows nothing of an image that may be a part of it, however many state it.
+        if not against or (one.claim.is_framed and not any(other.claim.is_framed for other in (K, *against))):
+            return None
+        outside = one.claim.voice != K.claim.voice and any(v.claim.voice != one.claim.voice for v in voices)
+        for other in self._placed:
+            repeats = outside and other.claim.voice == one.claim.voice
+            if other is not one and not repeats and self._relation(other, one) is Relation.CONFIRMS:
+                return None
+        return K.claim.name, against[0].claim.name
+
+    def _findings(self, K: Placed, against: Sequence[Placed]) -> Iterator[Finding]:
+        for one in validate(K.calibration, self.policy).failures:
+            if one.rule in OF_K_ALONE:
+                yield one
+        for other in against:
+            yield words.contradicted(K, other, limit_between(other.claim, K.claim))
+        if K.settled is Settled.AMBIGUOUS:
+            yield words.frame_unknown(K, [one for one in self._placed if one.claim.is_kept])
+        for done in self._done_to(K):
+            yield words.edited(done)
+
+    def _done_to(self, K: Placed) -> tuple[str, ...]:
+        """What programs did to the images that K, which was measured on others, may not describe.
+
+        A K of their very size describes their frame, as far as that shows, but not if they state a crop themselves, nor
+        a lens that was corrected since, unless it has no distortion.
+        """
+        was = self.original
+        if K.reading.steps:
+            return was.done
+        is_of_corrected = isinstance(K.calibration.distortion, NoDistortion)
+        return was.done if was.moved or (was.lens_corrected and not is_of_corrected) else ()
+
+    def _use(self, K: Placed, findings: Sequence[Finding], confirming: Sequence[Placed]) -> Allowed:
+        """What σ allows, and at most a start where the frame or its middle is taken for granted."""
+        grave = [one for one in findings if one.severity in {Severity.ERROR, Severity.UNPROVEN}]
+        is_saved = self.original.pixels is not Pixels.ALTERED and all(one.rule == EDITED for one in grave)
+        if grave and not is_saved:
+            return Allowed(use=Use.NONE, why=grave[0].message)
+        found = _allowed(K, self.policy, resaved=bool(grave))
+        if found.use is not Use.FIXED:
+            return found
+        made, now = K.claim.calibration.provenance.firmware, firmware(self.metadata)
+        is_framed = K.settled is Settled.CONFIRMED or any(one.claim.is_framed for one in confirming)
+        why = None
+        if K.settled is Settled.USUAL or K.reading.centre_is_assumed:
+            why = f"assumed: {', '.join(K.reading.assumes)}"
+        elif made is not None and now is not None and made != now and not is_framed:
+            why = f"it was measured with firmware {made}, and {now} may use another part of the sensor"
+        return found if why is None else replace(found, use=Use.START, why=why)
+
+
+def _verdict(findings: Sequence[Finding]) -> Verdict:
+    levels = {one.severity for one in findings}
+    if Severity.ERROR in levels:
+        return Verdict.REJECTED
+    return Verdict.UNPROVEN if Severity.UNPROVEN in levels else Verdict.VALID
+
+
+MOST_ALLOWED: Final = 256
+_known: dict[tuple[int, Intrinsics], tuple[Quality, Policy, Allowed]] = {}
+
+
+def _allowed(K: Placed, policy: Policy, *, resaved: bool) -> Allowed:
+    """What σ allows.
+
+    The entries of a registry stay in memory, and a program resolves image after image: σ over the frame takes a hundred
+    times as long as all else, and is asked for once.
+    """
+    quality = K.claim.calibration.quality
+    if quality is None or resaved:
+        return allowed(K.calibration, policy, is_valid=not resaved, resaved=resaved)
+    at = id(quality), K.calibration.intrinsics
+    known = _known.get(at)
+    if known is not None and known[0] is quality and known[1] is policy:
+        return known[2]
+    found = allowed(K.calibration, policy)
+    if len(_known) >= MOST_ALLOWED:
+        _known.clear()
+    _known[at] = (quality, policy, found)
+    return found

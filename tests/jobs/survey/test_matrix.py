@@ -1,0 +1,123 @@
+"""Changes of frame: no door hands out a K that is not the image's as one to keep, and none contradicts another."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import pytest
+
+from calibrary.calibration import Quality
+from calibrary.distortion import BrownConrady
+from calibrary.jobs.resolve import resolve
+from calibrary.jobs.resolve.run import FleetAnswer
+from calibrary.quality import Covariance
+from calibrary.records import replace
+from calibrary.registry.entry_yaml import entry_yaml
+from tests.jobs.extract.fleet import picture
+from tests.registry.entries import FILE, an_entry
+
+FULL, F = (5472, 3648), 3420.0
+PX_PER_MM, FOCAL_MM = 411.26, 8.29
+KNOWN, UNKNOWN = ("Yuneec", "E90"), ("Acme Aerial", "Cam20")
+
+
+class Change(NamedTuple):
+    """What a camera did to its frame.
+
+    Attributes:
+        size: of the images.
+        fx: that is right, px.
+        use: of the entry where the image states nothing of its frame.
+        by_plane: where it states a focal plane that is right.
+    """
+
+    size: tuple[int, int]
+    fx: float
+    use: str
+    by_plane: str
+
+
+CHANGES: Final = {
+    "same": Change(FULL, F, "fixed", "fixed"),
+    "half": Change((2736, 1824), F / 2, "start", "fixed"),
+    "scale 0.75": Change((4104, 2736), F * 0.75, "none", "fixed"),
+    "crop 0.9": Change((4924, 3282), F, "none", "none"),
+    "crop 0.8": Change((4378, 2918), F, "none", "none"),
+    "crop 0.9 joined": Change((2462, 1642), F / 2, "none", "start"),
+    "crop 16:9": Change((5472, 3078), F, "start", "start"),
+    "crop 0.9 enlarged": Change(FULL, F / 0.9, "start", "none"),
+    "turned": Change((3648, 5472), F, "start", "start"),
+}
+NOT_TOLD = {"crop 0.9 enlarged"}
+"""Nothing in an image tells of these but a focal plane; the answer is a start, with what it takes for granted."""
+
+
+class Asked(NamedTuple):
+    """The image of a change, and the registry with the entry of the whole frame."""
+
+    image: Path
+    registry: str
+    change: Change
+
+
+@pytest.fixture
+def asked(tmp_path: Path) -> Callable[..., Asked]:
+    def ask(name: str, *, plane: bool, camera: tuple[str, str]) -> Asked:
+        change = CHANGES[name]
+        known = Quality(covariance=Covariance.from_matrix(("fx", "fy"), [[0.04, 0.04], [0.04, 0.04]]))
+        entry = an_entry(
+            make=camera[0],
+            model=camera[1],
+            focal_mm=FOCAL_MM,
+            fx=F,
+            size=FULL,
+            quality=known,
+            distortion=BrownConrady(k1=-0.1, k2=0.02, p1=0.0, p2=0.0),
+            provenance=replace(FILE, firmware="1.04"),
+        )
+        path = tmp_path / "registry" / entry.path
+        path.parent.mkdir(parents=True)
+        path.write_bytes(entry_yaml(entry))
+        tags: dict[str, Any] = {"software": "1.04" if name == "same" else "1.05"}
+        if plane:
+            per_mm = round(PX_PER_MM * change.fx / F * 100)
+            tags |= {"focal_plane_resolution": ((per_mm, 100), (per_mm, 100)), "focal_plane_unit": 4}
+        image = picture(
+            tmp_path / "a.jpg",
+            change.size,
+            make=camera[0],
+            model=camera[1],
+            focal_mm=(829, 100),
+            pixel_size=change.size,
+            **tags,
+        )
+        return Asked(image, f"folder:{tmp_path / 'registry'}", change)
+
+    return ask
+
+
+def answer(one: Asked) -> FleetAnswer:
+    return resolve(one.image, registry=one.registry)
+
+
+@pytest.mark.parametrize("camera", [UNKNOWN, KNOWN], ids=["unknown", "catalogued"])
+@pytest.mark.parametrize("plane", [False, True], ids=["no plane", "plane"])
+@pytest.mark.parametrize("name", CHANGES)
+def test_resolve_gives_the_k_and_the_use_that_the_image_tells(
+    asked: Callable[..., Asked], name: str, plane: bool, camera: tuple[str, str]
+) -> None:
+    one = asked(name, plane=plane, camera=camera)
+    found = answer(one)
+    assert found.use == (one.change.by_plane if plane else one.change.use), found.use_reason
+    assert (found.calibration is None) is (found.use == "none")
+    if found.calibration is not None and (plane or name not in NOT_TOLD):
+        assert found.calibration.intrinsics.fx == pytest.approx(one.change.fx, rel=0.005)
+
+
+def test_both_ks_of_a_crop_are_shown_with_what_would_decide(asked: Callable[..., Asked]) -> None:
+    found = answer(asked("crop 0.9", plane=True, camera=UNKNOWN))
+    assert [round(one.intrinsics.fx) for one in found.possible] == [3078, 3420]
+    assert "EXIF FocalLength × FocalPlaneResolution states 3409" in (found.use_reason or "")
+    assert found.remedy == "calibrate this image size, and register it"
