@@ -19,6 +19,7 @@ be the one that the file states.
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -55,6 +56,8 @@ VECTOR = range(4, 15)
 OF_A_LENS, MISSPELT, UNNAMED = "of a lens", "a misspelt coefficient", "an unnamed vector"
 LARGEST = 1e4
 """Coefficients are smaller; larger numbers are counts, sizes or times."""
+PRINTED = 6e-7
+"""Half of the last of six decimals, with which some programs print a number again."""
 TURNED = 1e-3
 """Largest departure of a rotation's rows from unit length."""
 LONGEST_TEXT = 2000
@@ -352,8 +355,21 @@ def _states_again(statement: Statement, lens: Mapping[str, float]) -> bool:
     values = [slot.value for slot in statement.slots if slot.value]
     if len(values) == 1:
         name = _NAMED.fullmatch(_SEPARATORS.sub("", statement.path[-1]).lower())
-        return name is not None and lens.get(name[1]) == values[0]
-    return len({*values}) > 1 and not Counter(values) - Counter[float | str](lens.values())
+        return name is not None and _is_nearly(values[0], lens.get(name[1], 0.0))
+    left = list(lens.values())
+    for value in values:
+        same = next((one for one in left if _is_nearly(value, one)), None)
+        if same is None:
+            return False
+        left.remove(same)
+    return len({*values}) > 1
+
+
+def _is_nearly(stated: float | str, read: float) -> bool:
+    """Whether two numbers are the same but for the digits that one of them was printed with."""
+    return (
+        isinstance(stated, float) and bool(read) and math.isclose(stated, read, rel_tol=1e-6, abs_tol=PRINTED)
+    )
 
 
 def _only_lens(cameras: Sequence[Calibration]) -> Mapping[str, float]:

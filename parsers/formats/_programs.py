@@ -214,8 +214,8 @@ def _maplab_rig(node: Node) -> Iterator[Node]:
 
 
 def _open3d_cameras(tree: Node, _context: ReadContext) -> Named:
-    if "intrinsic_matrix" in tree:
-        yield None, tree
+    if "intrinsic_matrix" in tree or "intrinsic" in tree:
+        yield None, find(tree, "intrinsic") or tree
         return
     for image in tree["parameters"].items():
         yield image["intrinsic"].place, image["intrinsic"]
@@ -853,6 +853,7 @@ In the format's own words::
 
     {"width": 640, "height": 480, "intrinsic_matrix": [621.4, 0, 0,  0, 621.4, 0,  313.7, 240.0, 1]}
     {"class_name": "PinholeCameraTrajectory", "parameters": [{"intrinsic": {…}, "extrinsic": […]}, …]}
+    {"class_name": "PinholeCameraParameters", "intrinsic": {…}, "extrinsic": […]}
 
 The matrix is Eigen's, column by column. A trajectory has a camera for each image; those with the same numbers are one.
 Open3D projects pixel (u, v) of an image by u = fx·x/z + cx with whole numbers at the pixels' centres, and knows no
@@ -871,7 +872,10 @@ Sources: Open3D, ``cpp/open3d/camera/PinholeCameraIntrinsic.cpp``, ``ConvertToJs
         ),
         marks=(
             Mark(("width", "height", "intrinsic_matrix"), holds=_runs_down_columns),
-            Mark(("class_name",), words=('"PinholeCameraTrajectory"',)),
+            *(
+                Mark(("class_name",), words=(f'"PinholeCamera{kind}"',))
+                for kind in ("Trajectory", "Parameters")
+            ),
         ),
         cameras=_open3d_cameras,
         K="intrinsic_matrix",

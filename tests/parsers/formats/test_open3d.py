@@ -8,6 +8,7 @@ import pytest
 
 from calibrary import parsers
 from calibrary.calibration import Grade
+from calibrary.distortion import BrownConrady
 from calibrary.errors import ParseError
 from tests.parsers.samples import Sample
 
@@ -31,6 +32,18 @@ def test_a_trajectory_has_each_camera_once() -> None:
     images = [{"class_name": "PinholeCameraParameters", "intrinsic": one} for one in (CAMERA, CAMERA, other)]
     found = decoded({"class_name": "PinholeCameraTrajectory", "parameters": images})
     assert [one[5] for one in found] == [640, 1280]
+
+
+def test_the_parameters_of_one_image_are_its_camera() -> None:
+    document = {"class_name": "PinholeCameraParameters", "extrinsic": [1, 0, 0, 0], "intrinsic": CAMERA}
+    assert decoded(document) == decoded(CAMERA)
+
+
+def test_coefficients_beside_the_matrix_are_opencvs() -> None:
+    document = {**CAMERA, "distortion_coeffs": [0.12, -0.25, 0.001, -0.0005, 0.08]}
+    [item] = parsers.decode(json.dumps(document).encode(), name="camera.json")
+    assert item.distortion == BrownConrady(k1=0.12, k2=-0.25, p1=0.001, p2=-0.0005, k3=0.08)
+    assert "distortion_coeffs was read in OpenCV's order" in item.notes[-1]
 
 
 def test_a_matrix_by_rows_is_refused() -> None:
