@@ -38,8 +38,7 @@ UNSTATED: Final = Provenance(kind="unstated")
 """Provenance of an entry with a file that states none."""
 
 VERDICT_BLOCK: Final = "x-board-calibration"
-"""Block that a calibration from a board or a flight, or a combination, adds to its entry: its verdict, and how it was
-made."""
+"""Block that a calibration from a board or a flight adds to its entry: its verdict, and how it was made."""
 
 BLOCKS_WITH_EXTENSIONS: Final = ("camera", "sensor", "quality", "provenance")
 """Blocks that may contain ``x-`` fields, in addition to the file itself; K and distortion may not."""

@@ -26,8 +26,8 @@ def sigma(flight: FlightResult) -> float:
 
 
 @cache
-def flown(seed: int = SEED) -> Adjustment:
-    return adjust(*fly(RTK, seed))
+def flown() -> Adjustment:
+    return adjust(*fly(RTK, SEED))
 
 
 def promised(flight: FlightResult, word: str) -> float | None:

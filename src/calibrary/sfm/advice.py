@@ -76,7 +76,6 @@ def _measures(bundle: Bundle, known: CameraUncertainty, left_out: int) -> Iterat
     def by(measure: str, noise: float, others: float = rest) -> Help:
         return Help(measure=measure, sigma=math.sqrt(max(noise, 0.0) + max(others, 0.0)) / known.fx)
 
-    shift = 0.0
     if known.held is not None:
         shift = float(known.held.parameters[0]) - known.held.free_fx
         yield by(

@@ -71,7 +71,6 @@ def flight_result(
     chosen: str | None = None,
     versions: Mapping[str, str] | None = None,
     claim: Claim | None = None,
-    known: CameraUncertainty | None = None,
     left_out: int = 0,
 ) -> FlightResult:
     """Assess the camera: uncertainty, findings and verdict.
@@ -84,14 +83,12 @@ def flight_result(
         chosen: how the images were selected, in words.
         versions: versions of the programs used.
         claim: the stated camera, to compare with what the images show; None if nothing is stated.
-        known: the camera's uncertainty, if it is known already, as of flights solved together.
         left_out: number of images of the flight that were not chosen.
 
     Raises:
         CalibrationError: the images do not determine a camera.
     """
-    alone = known is None
-    known = known or camera_uncertainty(found)
+    known = camera_uncertainty(found)
     observations = _observations(found, known.geometry, about)
     network = Network.of(observations)
     bundle, scene = found.bundle, found.bundle.scene
@@ -145,7 +142,7 @@ def flight_result(
             *_judged(known, len(images), result.calibration.intrinsics.fx),
             *(_of_control(found.control) if found.control is not None else ()),
             *(_as_stated(claim, found, known) if claim is not None else ()),
-            *(_of_help(found, known, left_out) if alone else ()),
+            *_of_help(found, known, left_out),
         )
     )
     refused = BoardVerdict.of(findings) is BoardVerdict.REFUSE

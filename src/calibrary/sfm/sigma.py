@@ -98,7 +98,6 @@ class CameraUncertainty(Struct, frozen=True, kw_only=True, eq=False):
         geometry: geometry of the flight.
         fx: focal length, px.
         separates_height: whether the geometry separates the focal length from the flying height.
-        of_lens: (n, n) what one lens does to all its flights alike: its next term, and what departs from every model.
         nuisances: what shifted the images besides the lens.
         unknown: what could not be computed, in words, and is missing in the others.
     """
@@ -109,7 +108,6 @@ class CameraUncertainty(Struct, frozen=True, kw_only=True, eq=False):
     geometry: FlightGeometry
     fx: float
     separates_height: bool
-    of_lens: FloatArray
     nuisances: tuple[FlightNuisance, ...] = ()
     unknown: tuple[str, ...] = ()
 
@@ -161,7 +159,6 @@ def camera_uncertainty(found: Adjustment, *, seed: int = 0) -> CameraUncertainty
         geometry=geometry,
         fx=float(bundle.scene.parameters[0]),
         separates_height=separates,
-        of_lens=of_lens,
         nuisances=nuisances,
         unknown=tuple(unknown),
     )

@@ -15,7 +15,7 @@ from calibrary import Calibration
 from calibrary.arguments import Reading
 from calibrary.distortion import BrownConrady, NoDistortion
 from calibrary.errors import InputError, ParseError, UnsupportedModelError
-from calibrary.jobs.files import read_argument, read_arguments, read_file
+from calibrary.jobs.files import read_arguments, read_file
 from calibrary.quality import Covariance, Quality
 from calibrary.records import replace
 from tests.sfm.flights import Plan, fly
@@ -237,6 +237,6 @@ def test_a_folder_with_a_reconstruction_is_read_by_its_cameras(tmp_path: Path, w
     folder = write(tmp_path / "project", *fly(Plan(rows=1, columns=3, points=80), 1))
     cameras = read_file(folder, Reading())
     assert any(one.intrinsics.fx == pytest.approx(1130.0) for one in cameras)
-    assert read_argument(folder, Reading(camera=1)).calibration == cameras[0]
+    assert read_arguments(folder, cameras[0], Reading(camera=1))[0].calibration == cameras[0]
     with pytest.raises(InputError, match="not a regular file"):
-        read_argument(tmp_path, Reading())
+        read_arguments(tmp_path, cameras[0], Reading())

@@ -38,7 +38,7 @@ from calibrary.registry.places import one_registry
 from calibrary.registry.registry import Registry
 from calibrary.sfm.adjust import Adjustment, adjust
 from calibrary.sfm.alterations import Claim
-from calibrary.sfm.assessment import FlightResult, flight_result
+from calibrary.sfm.assessment import flight_result
 from calibrary.sfm.control import with_survey
 from calibrary.sfm.engine import MAX_SIDE, FlightImage, match
 from calibrary.sfm.image_selection import LocatedImage, Selection, select_images
@@ -155,13 +155,13 @@ class SolvedFlight(Struct, frozen=True, kw_only=True, eq=False):
     notes: tuple[str, ...] = ()
     finish: Callable[[CalibrationResult], CalibrationResult] = lambda result: result
 
-    def assessed(self) -> FlightResult:
-        """Assess the flight alone.
+    def calibrated(self, told: Told) -> tuple[CalibrationResult, Detections]:
+        """Return the calibration with date and operator, and the images used.
 
         Raises:
             CalibrationError: the images do not determine a camera.
         """
-        return flight_result(
+        flight = flight_result(
             self.found,
             about=self.about,
             scale=self.scale,
@@ -170,14 +170,7 @@ class SolvedFlight(Struct, frozen=True, kw_only=True, eq=False):
             claim=self.claim,
             left_out=self.left_out,
         )
-
-    def dated(self, flight: FlightResult, told: Told) -> CalibrationResult:
-        """Return its calibration with date, operator, and what the program that reconstructed it states."""
-        return dated(self.finish(flight.result), told, self.metadata, self.survey)
-
-    def calibrated(self, told: Told) -> tuple[CalibrationResult, Detections]:
-        """Return the calibration and the images used; errors as of :meth:`assessed`."""
-        result = self.dated(self.assessed(), told)
+        result = dated(self.finish(flight.result), told, self.metadata, self.survey)
         placed = set(result.rms_by_view)
         remarks = tuple(
             NamedRemark(name=view.name, reason=Reason.NOT_PLACED, message="does not fit to the other images")

@@ -37,7 +37,6 @@ __all__ = [
     "file_of",
     "read",
     "read_all",
-    "read_argument",
     "read_arguments",
     "read_file",
     "read_unsized",
@@ -439,19 +438,6 @@ class Argument(Struct, frozen=True, kw_only=True):
     calibration: Calibration
 
 
-def read_argument(
-    given: str | Path, reading: Reading, registry: Place | Sequence[Place] | None = None
-) -> Argument:
-    """Read the calibration that an argument names; a file takes precedence over an entry.
-
-    Raises:
-        MissingTagError: the file needs an image size.
-        InputError: the file cannot be read, or contains several cameras and none is chosen.
-        RegistryError: neither a file nor an entry has that name.
-    """
-    return _read(given, reading, registry, image_size=reading.image_size)
-
-
 def read_arguments(
     first: Calibration | str | Path,
     second: Calibration | str | Path,
@@ -460,11 +446,13 @@ def read_arguments(
 ) -> tuple[Argument, Argument]:
     """Read two calibrations of one camera; a file without an image size gets that of the other.
 
+    A file takes precedence over an entry. ``reading.camera`` may name two, "cam0,cam1", one for each; one alone is that
+    of a file with several.
+
     Raises:
         MissingTagError: neither states an image size.
-        InputError: as for :func:`read_argument`. ``reading.camera`` may name two, "cam0,cam1", one for each; one
-            alone is that of a file with several.
-        RegistryError: as for :func:`read_argument`.
+        InputError: a file cannot be read, or contains several cameras and none is chosen.
+        RegistryError: neither a file nor an entry has that name.
     """
     a, b = _labelled("a", first), _labelled("b", second)
     size = reading.image_size
