@@ -177,7 +177,7 @@ def cluster(count: int) -> None:
 
         def read(engine: reading.Engine, progress: Callable[[int], None] | None = None) -> None:
             images = Listing([Path(name)], recursive=True)
-            found.append(reading.read_images(images, engine=engine, shard=count // 20, progress=progress))
+            found.append(reading.read_images(images, engine=engine, batch=count // 20, progress=progress))
 
         read(reading.here(1, known=count))
         alone = found[0].images.to_bytes()

@@ -29,7 +29,7 @@ from calibrary.jobs.images import reading
 from calibrary.jobs.images.accumulator import IdTable
 from calibrary.jobs.images.folders import find_images
 from calibrary.jobs.images.observation import Image
-from calibrary.jobs.images.ranged import First, Listed, opened
+from calibrary.jobs.images.ranged import First, opened
 from calibrary.jobs.images.reading import Unit
 from calibrary.parsers.imagery.reader import read_source
 
@@ -71,9 +71,9 @@ class Counted:
         self.requests.append(end - start)
         return self._data[start:end]
 
-    def listed(self, prefix: str) -> Iterator[Listed]:
+    def listed(self, prefix: str) -> Iterator[str]:
         """As of a store."""
-        yield Listed(prefix, None)
+        yield prefix
 
 
 def requests(folder: Path) -> None:

@@ -44,7 +44,6 @@ COMMANDS = {
     "pixels, to check": ("check images --verify", "sfm"),
     "a Parquet table": ("extract images --table t.parquet", "tables"),
     "a bucket": ("extract s3://fleet/", "remote"),
-    "another kind of storage": ("extract sftp://host/flight/", "remote"),
     "a page": ("extract images --html page.html", "pages"),
     "a report": ("calibrate frames --square-mm 40 --html page.html", "pages"),
 }

@@ -38,7 +38,6 @@ LIBRARIES = {
     "starlette": Library(name="Starlette", extras=("desk",)),
     "uvicorn": Library(name="Uvicorn", extras=("desk",)),
     "distributed": Library(name="Dask.distributed", extras=("cluster",)),
-    "fsspec": Library(name="fsspec", extras=("remote",)),
     "jinja2": Library(name="Jinja2", extras=("pages",)),
     "matplotlib": Library(name="Matplotlib", extras=("pages",)),
     "obstore": Library(name="obstore", extras=("remote",)),

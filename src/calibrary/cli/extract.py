@@ -25,7 +25,7 @@ examples:
   calibrary extract flight/ --html flight.html   the same as a page
   calibrary extract flight/ --image-table images.parquet   the K of every image, for a data frame
   calibrary extract flight/ --verify             compare K with the pixels too
-  calibrary extract s3://bucket/2024/ --resume parts   images in a bucket; continue where it stopped
+  calibrary extract s3://bucket/2024/            images in a bucket
   find . -name '*.JPG' | calibrary extract --from -
 
 exit code 0: every image has a valid K; 1: at least one has none or cannot be read, or nothing could be handed off;
@@ -35,7 +35,7 @@ Pictures that no camera took, such as a preview or a map, are skipped with a lin
 
 
 GROUPS = {
-    "which images": ("recursive", "workers", "resume", "scheduler", "cluster"),
+    "which images": ("recursive", "workers", "cluster"),
     "limits that K is checked against": (
         "policy",
         "max_focal_deviation_pct",
@@ -79,7 +79,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         positional={"images": "DIR"},
         groups=GROUPS,
         spelled=SPELLED,
-        exclusive=[("scheduler", "cluster")],
         without=["lines"],
         bare={"locked": "calibrary.lock"},
     )

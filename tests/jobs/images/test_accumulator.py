@@ -172,7 +172,7 @@ def test_parts_that_keep_names_and_parts_that_do_not_are_not_mixed() -> None:
 
 @pytest.mark.parametrize("data", [b"", b"other", b"calibrary images 1\n\x93"])
 def test_a_part_that_is_damaged_is_said_to_be(data: bytes) -> None:
-    with pytest.raises(InputError, match="partial result"):
+    with pytest.raises(InputError, match="worker's result"):
         Accumulator.from_bytes(data)
 
 

@@ -18,7 +18,7 @@ from calibrary.errors import InputError
 from calibrary.jobs.extract.run import run
 from calibrary.jobs.images import ranged
 from calibrary.jobs.images.observation import Image
-from calibrary.jobs.images.places import open_place, shown
+from calibrary.jobs.images.places import shown
 from calibrary.jobs.images.ranged import FIRST, Ranged, StoreError
 from calibrary.jobs.images.reading import Question, Unit, here, read_images, read_unit
 from calibrary.parsers.imagery import read_metadata
@@ -148,13 +148,6 @@ class TestFailures:
         server.files["a.jpg"] = b""
         assert "is empty" in rows(server, "a.jpg")["a.jpg"]
 
-    def test_what_failed_in_passing_is_not_kept_and_read_in_the_next_run(
-        self, server: Site, tmp_path: Path
-    ) -> None:
-        server.faults["day/01.jpg"] = [503] * 4
-        assert len(gate_lines(listed(server), partials=tmp_path / "kept").rejected) == 1
-        assert gate_lines(listed(server), partials=tmp_path / "kept").rejected == ()
-
 
 def _tiff_with_its_directory_last(tmp_path: Path) -> bytes:
     """A TIFF of three megabytes with its directory behind its pixels."""
@@ -265,20 +258,9 @@ def test_several_processes_read_from_a_server(server: Site) -> None:
 
 def test_a_scheme_that_nothing_knows_is_told() -> None:
     outcome = gate_lines(["nowhere://host/a.jpg"])
-    assert "not a storage that fsspec knows" in outcome.rejected[0].reason
-    with pytest.raises(InputError, match="not a storage"):
+    assert "nowhere:// is not a store that can be read" in outcome.rejected[0].reason
+    with pytest.raises(InputError, match="not a store"):
         gate_lines(["nowhere://host/folder"])
-
-
-def test_other_kinds_of_storage_are_read_by_their_fsspec_library(tmp_path: Path) -> None:
-    system = pytest.importorskip("fsspec").filesystem("memory")
-    for name in ("a.jpg", "sub/b.jpg", "notes.txt", ".thumbs/c.jpg"):
-        system.pipe(f"/box/{name}", picture(tmp_path / "x.jpg", **P4R, dewarp=DEWARP).read_bytes())
-    outcome = gate_lines(["memory://box"])
-    assert [c.camera.names for c in outcome.judged] == [("memory://box/a.jpg", "memory://box/sub/b.jpg")]
-    assert outcome.rejected == ()
-    with open_place("memory://box/a.jpg") as source:
-        assert read_source(source) == read_metadata(tmp_path / "x.jpg")
 
 
 def test_without_the_extra_the_command_that_brings_it_is_told(

@@ -36,9 +36,7 @@ def extract(
     recursive: bool = False,
     lines: Iterable[str] | None = None,
     workers: Workers = 0,
-    resume: Folder | None = None,
-    scheduler: Annotated[str, Meta(title="URL")] | None = None,
-    cluster: Annotated[str, Meta(title="local:N")] | None = None,
+    cluster: Annotated[str, Meta(title="URL")] | None = None,
     policy: PolicyLike = FLEET,
     max_focal_deviation_pct: Annotated[float, Meta(ge=0, le=100)] | None = None,
     principal_point_tolerance: Annotated[float, Meta(ge=0, le=1, title="FRACTION")] | None = None,
@@ -71,9 +69,7 @@ def extract(
         recursive: include sub-folders.
         lines: more images, folders and URLs, one on each line, such as an open text file.
         workers: number of processes that read images; 0 chooses it.
-        resume: store what is read in this folder; the same command, run again, reads only what is missing there.
-        scheduler: read with the workers of this Dask scheduler, as tcp://host:8786.
-        cluster: read with N workers of a Dask cluster on this machine.
+        cluster: read with the workers of this Dask scheduler, as tcp://host:8786.
         policy: fleet knows real UAV cameras, source requires fx within 0.8 … 1.5 W of every camera; or your own file.
         max_focal_deviation_pct: largest difference of fx and fy in per cent (default: that of the policy, 15).
         principal_point_tolerance: largest offset of the principal point from the middle, as a fraction of the side
@@ -116,7 +112,7 @@ def extract(
         ValidationError: ``strict_validation`` is set and a rule was violated.
         MissingExtraError: Dask is required for a cluster, or pycolmap for ``verify``, and is not installed.
     """
-    if scheduler is None and cluster is None and workers > 1:
+    if cluster is None and workers > 1:
         from calibrary.workers import get_ready
 
         # The process that readers are forked from starts while the rest is loaded: half a second less.
@@ -142,8 +138,6 @@ def extract(
         lines=lines,
         recursive=recursive,
         workers=workers,
-        partials=Path(resume) if resume is not None else None,
-        scheduler=scheduler,
         cluster=cluster,
         policy=limits(policy, max_focal_deviation_pct, principal_point_tolerance),
         sensor_mm=(sensor_width_mm, sensor_height_mm),

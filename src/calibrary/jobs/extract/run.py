@@ -48,7 +48,7 @@ from calibrary.jobs.images.listing import LISTED, Listing
 from calibrary.jobs.images.observation import path_order
 from calibrary.jobs.images.places import shown
 from calibrary.jobs.images.reading import (
-    MERGED,
+    BATCH,
     PIECE,
     Engine,
     Question,
@@ -109,8 +109,6 @@ def run(  # noqa: PLR0913, D417  as many and the same as the job has
     lines: Iterable[str] | None = None,
     recursive: bool = False,
     workers: int = 0,
-    partials: Path | None = None,
-    scheduler: str | None = None,
     cluster: str | None = None,
     policy: Policy = FLEET,
     sensor_mm: tuple[float | None, float | None] = (None, None),
@@ -129,7 +127,6 @@ def run(  # noqa: PLR0913, D417  as many and the same as the job has
     Args:
         images: a folder, an archive or a URL; or images and any number of these.
         lines: as of the job, like all that are not here.
-        partials: folder for the results of each shard; shards with a result there are not read again.
         registry: the registries to use, and no other.
         days: whether to read the dates of the images; with a registry they are always read.
     """
@@ -137,9 +134,7 @@ def run(  # noqa: PLR0913, D417  as many and the same as the job has
         require(SFM, "comparing K with the pixels")
     knowledge = Knowledge.load(registry, lock)
     matrix = read_matrix(fallback_k) if fallback_k is not None else None
-    listing = Listing(
-        images, recursive=recursive, lines=lines, keep=may_be_calibration, versions=partials is not None
-    )
+    listing = Listing(images, recursive=recursive, lines=lines, keep=may_be_calibration)
     if listing.known == 0:
         # All of a bucket's prefix and of an archive is gone through in any case.
         missed = not recursive and any(Path(one).is_dir() for one in images)
@@ -154,14 +149,13 @@ def run(  # noqa: PLR0913, D417  as many and the same as the job has
     many = f"more than {LISTED}" if listing.known is None else str(listing.known)
     with (
         stage(f"read the heads of {many} images"),
-        _engine(scheduler, cluster, workers, listing.known, is_kept=partials is not None) as (engine, shard),
+        _engine(cluster, workers, listing.known) as (engine, batch),
     ):
         reading = read_images(
             listing,
             question,
             engine=engine,
-            shard=shard,
-            partials=partials,
+            batch=batch,
             progress=counted(progress, listing.known or 0, "images"),
             stop_at_first=strict,
         )
@@ -182,14 +176,12 @@ def run(  # noqa: PLR0913, D417  as many and the same as the job has
 
 
 @contextmanager
-def _engine(
-    scheduler: str | None, cluster: str | None, workers: int, known: int | None, *, is_kept: bool
-) -> Iterator[tuple[Engine, int | None]]:
-    """The engine that reads the images, and the number of images in a shard."""
-    if scheduler is None and cluster is None:
-        yield here(workers, known=known), None
+def _engine(cluster: str | None, workers: int, known: int | None) -> Iterator[tuple[Engine, int]]:
+    """The engine that reads the images, and the number of images that it reads at a time."""
+    if cluster is None:
+        yield here(workers, known=known), BATCH
         return
-    with connected(scheduler, cluster, merged=1 if is_kept else MERGED) as engine:
+    with connected(cluster) as engine:
         yield engine, PIECE
 
 

@@ -271,12 +271,10 @@ class Accumulator:
         list_all: whether to keep the name of every image, not only the first few with equal metadata.
     """
 
-    __slots__ = ("_ids", "_kept", "_numbers", "is_passing", "list_all")
+    __slots__ = ("_ids", "_kept", "_numbers", "list_all")
 
     def __init__(self, *, list_all: bool = True) -> None:
         self.list_all = list_all
-        # Whether another attempt may be able to read an image that failed; not written.
-        self.is_passing = False
         self._ids = IdTable()
         # Images that cannot be read have None as metadata.
         self._numbers: dict[Seen | None, int] = {}
@@ -289,7 +287,6 @@ class Accumulator:
 
     def add(self, observation: Observation) -> None:
         """Add one image."""
-        self.is_passing |= observation.passing
         number = self._number(observation.seen)
         self._ids.add(observation.id, number)
         self._kept[number].add(observation.id, observation.name, observation.reason)
@@ -302,7 +299,6 @@ class Accumulator:
         """
         if other.list_all != self.list_all:
             raise ValueError("one part keeps the name of every image and the other does not")
-        self.is_passing |= other.is_passing
         numbers = [self._number(seen) for seen in other._numbers]
         self._ids.merge(other._ids, numbers)
         for number, kept in zip(numbers, other._kept, strict=True):
@@ -360,11 +356,11 @@ class Accumulator:
             InputError: the data is damaged or from another version.
         """
         if not data.startswith(_FORM):
-            raise InputError("is not a partial result of this version; remove it")
+            raise InputError("a worker's result is of another version of calibrary")
         try:
             part = msgspec.msgpack.decode(data[len(_FORM) :], type=_Part)
         except msgspec.DecodeError as error:
-            raise InputError(f"is a damaged partial result: {error}; remove it") from None
+            raise InputError(f"a worker's result is damaged: {error}") from None
         found = cls(list_all=part.list_all)
         for what, rows in zip(part.seen, part.kept, strict=True):
             number = found._number(what)

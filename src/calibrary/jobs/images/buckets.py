@@ -1,4 +1,4 @@
-"""Images in object stores: S3, Google and Azure through obstore, all others through fsspec.
+"""Images in object stores: S3, Google and Azure, through obstore.
 
 Credentials come from the environment, a profile or the machine's role, as in each store's own programs. Error
 messages of a store are replaced by our own, because they may contain a signed URL.
@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from calibrary.extras import require
-from calibrary.jobs.images.ranged import First, Listed, Store, StoreError
+from calibrary.jobs.images.ranged import First, Store, StoreError
 
 OBSTORE: Final = frozenset({"s3", "s3a", "gs", "az", "azure", "abfs", "abfss", "adl"})
 NEEDS: Final = "reading images from object stores"
@@ -33,14 +33,15 @@ def bucket(scheme: str, netloc: str) -> Store:
     """Open the store of a URL.
 
     Raises:
-        MissingExtraError: the library for it is not installed.
-        StoreError: the store is not configured.
+        MissingExtraError: obstore is not installed.
+        StoreError: there is no such kind of store, or it is not configured.
     """
-    if scheme in OBSTORE:
-        require(["obstore"], NEEDS)
-        return _Bucket(f"{scheme}://{netloc}")
-    require(["fsspec"], NEEDS)
-    return _FileSystem(scheme, netloc)
+    if scheme not in OBSTORE:
+        raise StoreError(
+            f"{scheme}:// is not a store that can be read, as s3://, gs://, az:// and https:// can"
+        )
+    require(["obstore"], NEEDS)
+    return _Bucket(f"{scheme}://{netloc}")
 
 
 class _Bucket:
@@ -77,13 +78,12 @@ class _Bucket:
         except (OSError, ValueError, self._errors.BaseError) as error:
             raise self._as_store_error(error) from None
 
-    def listed(self, prefix: str) -> Iterator[Listed]:
-        """Yield all files below a prefix, in the order of the bytes of their keys."""
+    def listed(self, prefix: str) -> Iterator[str]:
+        """Yield the keys of all files below a prefix, in the order of their bytes."""
         try:
             for chunk in self._obstore.list(self._store, prefix=prefix or None, chunk_size=1000):
                 for one in chunk:
-                    version = one["e_tag"] or f"{one['size']}-{one['last_modified']}"
-                    yield Listed(one["path"], version)
+                    yield one["path"]
         except (OSError, ValueError, self._errors.BaseError) as error:
             raise self._as_store_error(error) from None
 
@@ -103,65 +103,6 @@ class _Bucket:
         if "error sending request" in str(error):
             return StoreError("the store's server cannot be reached", passing=True)
         return StoreError(f"the store cannot be read ({status or type(error).__name__})", passing=True)
-
-
-class _FileSystem:
-    """Any other kind of storage, through its fsspec library."""
-
-    def __init__(self, scheme: str, netloc: str) -> None:
-        self._above = netloc
-        try:
-            fsspec: Any = import_module("fsspec")
-            options = fsspec.core.url_to_fs(f"{scheme}://{netloc}/")
-        except ImportError as error:
-            raise StoreError(f"{scheme}:// needs another library: {str(error).splitlines()[0]}") from None
-        except ValueError:
-            raise StoreError(f"{scheme}:// is not a storage that fsspec knows") from None
-        self._system, self._above = options[0], options[1].rstrip("/")
-
-    def first(self, key: str, size: int) -> First:
-        """The first ``size`` bytes of a file, with its total size and version."""
-        try:
-            found = self._system.info(self._path(key))
-            if found["type"] != "file":
-                raise StoreError("is not a file")
-            data = bytes(self._system.cat_file(self._path(key), start=0, end=min(size, found["size"])))
-            return First(data, found["size"], self._version(found))
-        except (OSError, ValueError) as error:
-            raise self._as_store_error(error) from None
-
-    def part(self, key: str, start: int, end: int, version: str | None) -> bytes:
-        """The bytes from ``start`` up to, not including, ``end``; fails if the version differs."""
-        try:
-            data = bytes(self._system.cat_file(self._path(key), start=start, end=end))
-            if self._version(self._system.info(self._path(key))) != version:
-                raise StoreError("was changed while it was read")
-        except (OSError, ValueError) as error:
-            raise self._as_store_error(error) from None
-        return data
-
-    def listed(self, prefix: str) -> Iterator[Listed]:
-        """Yield all files below a prefix, in the order of the bytes of their keys."""
-        try:
-            found = self._system.find(self._path(prefix), detail=True)
-        except (OSError, ValueError) as error:
-            raise self._as_store_error(error) from None
-        for path in sorted(found):
-            yield Listed(path.removeprefix(self._above).lstrip("/"), self._version(found[path]))
-
-    def _path(self, key: str) -> str:
-        return f"{self._above}/{key}"
-
-    def _version(self, found: dict[str, Any]) -> str | None:
-        stated = found.get("ETag") or found.get("etag") or found.get("mtime") or found.get("created")
-        return f"{found.get('size')}-{stated}"
-
-    def _as_store_error(self, error: Exception) -> StoreError:
-        if isinstance(error, FileNotFoundError):
-            return StoreError("is not there")
-        if isinstance(error, PermissionError):
-            return StoreError("access is denied")
-        return StoreError(f"the store cannot be read ({type(error).__name__})", passing=True)
 
 
 FROM_ENVIRONMENT: Final = (

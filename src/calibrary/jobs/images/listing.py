@@ -38,7 +38,6 @@ class Listing:
         recursive: bool,
         lines: Iterable[str] | None = None,
         keep: Keep | None = None,
-        versions: bool = False,
     ) -> None:
         """Start listing, up to the first images.
 
@@ -47,7 +46,6 @@ class Listing:
             recursive: whether to read sub-folders.
             lines: more of them, one per line; empty lines and lines that begin with # are ignored.
             keep: returns whether to remember a file that is not an image.
-            versions: whether to determine a version of each image that changes with its content.
 
         Raises:
             InputError: nothing is given, or a given place does not exist or cannot be read. An unreadable
@@ -55,7 +53,7 @@ class Listing:
         """
         if not given and lines is None:
             raise InputError("no image was given; expected a folder, or a list of images")
-        self._recursive, self._keep, self._versions = recursive, keep, versions
+        self._recursive, self._keep = recursive, keep
         self._other_files: dict[Path, None] = {}
         self.unreadable: list[SkippedFile] = []
         paths = [one for one in given if isinstance(one, Path)]
@@ -99,7 +97,7 @@ class Listing:
                 parents.add(one.parent)
                 place, real = f"{os.path.realpath(one.parent)}/{one.name}", os.path.realpath(one)
                 name = one.relative_to(root) if root is not None else one
-                yield Image(name.as_posix(), place, real if real != place else None, self._version(one))
+                yield Image(name.as_posix(), place, real if real != place else None)
             elif one not in walked:
                 walked.add(one)
                 yield from self._images_of(one, root, unreadable=self.unreadable)
@@ -125,15 +123,6 @@ class Listing:
                 below = entry.path[start:].replace(os.sep, "/")
                 place = f"{real}/{below}"
                 target = os.path.realpath(place) if entry.is_symlink() else None
-                yield Image(above + below, place, target, self._version(entry))
+                yield Image(above + below, place, target)
             elif self._keep is not None and self._keep(entry):
                 self._other_files[Path(entry.path)] = None
-
-    def _version(self, file: Path | os.DirEntry[str]) -> str | None:
-        if not self._versions:
-            return None
-        try:
-            status = file.stat()
-        except OSError:
-            return None
-        return f"{status.st_size}-{status.st_mtime_ns}"

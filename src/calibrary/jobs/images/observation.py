@@ -30,13 +30,11 @@ class Image(msgspec.Struct, frozen=True, array_like=True, gc=False):
         name: name in the report: path relative to the folder, or as in a list.
         place: path or URL by which to open it.
         same_as: path or URL that identifies it if different from ``place``: the target of a link.
-        version: changes with the content (size and time, or an ETag), if the listing states it.
     """
 
     name: str
     place: str
     same_as: str | None = None
-    version: str | None = None
 
     @property
     def id(self) -> bytes:
@@ -45,7 +43,7 @@ class Image(msgspec.Struct, frozen=True, array_like=True, gc=False):
         The location is used instead of the content, because two images of a hovering camera, or two without
         metadata, can have identical headers and are still two images for a solver, and a digest of the whole
         content would require reading it. A file that is listed twice, through a link, in two spellings of its
-        path or by a repeated shard, has one location and counts once. A copy (also a hard link) is a separate
+        path or by a repeated piece of work, has one location and counts once. A copy (also a hard link) is a separate
         image.
         """
         identity = os.fsencode(self.same_as or self.place)
@@ -74,14 +72,12 @@ class Observation(Struct, frozen=True, kw_only=True):
         name: name in reports.
         seen: metadata; None if it cannot be read.
         reason: why it cannot be read.
-        passing: whether another attempt may succeed, as after a server error.
     """
 
     id: bytes
     name: str
     seen: Seen | None = None
     reason: str = ""
-    passing: bool = False
 
 
 def observe(source: Source, image: Image, *, days: bool = False, pixels: bool = True) -> Observation:

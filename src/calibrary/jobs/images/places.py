@@ -240,9 +240,9 @@ def images_at(url: str) -> Iterator[Image]:
     try:
         store, _ = _located(url)
         for found in store.listed(prefix.rstrip("/")):
-            below = found.key.removeprefix(prefix)
-            if found.key.startswith(prefix) and is_image(Path(below)) and not _is_hidden(below):
-                yield Image(below, f"{above}/{below}", None, found.version)
+            below = found.removeprefix(prefix)
+            if found.startswith(prefix) and is_image(Path(below)) and not _is_hidden(below):
+                yield Image(below, f"{above}/{below}")
     except StoreError as error:
         raise InputError(f"cannot be listed: {error.message}", source=shown(url)) from None
 

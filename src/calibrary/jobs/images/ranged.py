@@ -63,13 +63,6 @@ class First(Struct, frozen=True):
     version: str | None
 
 
-class Listed(Struct, frozen=True):
-    """A file listed by a server: its key, and a version that changes with its content."""
-
-    key: str
-    version: str | None
-
-
 class Store(Protocol):
     """A server's files by key. Every method raises StoreError."""
 
@@ -79,8 +72,8 @@ class Store(Protocol):
     def part(self, key: str, start: int, end: int, version: str | None) -> bytes:
         """The bytes from ``start`` up to, not including, ``end``; fails if the version differs."""
 
-    def listed(self, prefix: str) -> Iterator[Listed]:
-        """Yield all files below a prefix, in the order of the bytes of their keys."""
+    def listed(self, prefix: str) -> Iterator[str]:
+        """Yield the keys of all files below a prefix, in the order of their bytes."""
 
 
 class Ranged:

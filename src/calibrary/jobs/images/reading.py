@@ -1,6 +1,6 @@
 """Reading of image headers in pieces, by several processes, into one accumulator.
 
-Each piece of work is read by one process, or its result is there from an earlier run.
+Each piece of work is read by one process.
 
 On a cluster Dask's scheduler distributes the pieces of work and merges their results, independently of the image
 metadata. Any engine that maps a function over pieces and reduces the results with an associative, commutative and
@@ -9,11 +9,8 @@ idempotent merge can be used instead (docs/scale.md shows Ray and Spark).
 
 from __future__ import annotations
 
-import hashlib
-import logging
 import os
 import pickle
-import re
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -25,7 +22,6 @@ from typing import Any, Final, TypeAlias
 
 from msgspec import Struct
 
-from calibrary.atomic import write_files
 from calibrary.errors import InputError
 from calibrary.extras import require
 from calibrary.jobs.images.accumulator import Accumulator, Flight
@@ -33,12 +29,7 @@ from calibrary.jobs.images.observation import Image, Observation, Seen, observe
 from calibrary.jobs.images.places import is_remote, open_place
 from calibrary.jobs.images.ranged import StoreError
 from calibrary.parsers.imagery.reader import may_be_cropped
-from calibrary.progress import log
 from calibrary.records import replace
-
-SHARD = 8192
-"""Average number of images per shard: some seconds of work, and a file of 150 kB."""
-MOST = 4
 
 
 class Unit(Struct, frozen=True):
@@ -46,22 +37,18 @@ class Unit(Struct, frozen=True):
 
     Attributes:
         images: at least one.
-        key: of its partial result; None if none is kept.
     """
 
     images: tuple[Image, ...]
-    key: str | None = None
 
     def pickled(self) -> bytes:
         """Serialise for another process, as plain tuples: faster than objects, and names may contain any bytes."""
-        rows = [(one.name, one.place, one.same_as, one.version) for one in self.images]
-        return pickle.dumps((rows, self.key), protocol=5)
+        return pickle.dumps([(one.name, one.place, one.same_as) for one in self.images], protocol=5)
 
     @classmethod
     def unpickled(cls, data: bytes) -> Unit:
         """Restore from :meth:`pickled`; must not be used with data from elsewhere."""
-        rows, key = pickle.loads(data)  # noqa: S301  our own
-        return cls(tuple(Image(*row) for row in rows), key)
+        return cls(tuple(Image(*row) for row in pickle.loads(data)))  # noqa: S301  our own
 
 
 def batches(images: Iterable[Image], size: int) -> Iterator[Unit]:
@@ -69,68 +56,6 @@ def batches(images: Iterable[Image], size: int) -> Iterator[Unit]:
     left = iter(images)
     while batch := tuple(islice(left, size)):
         yield Unit(batch)
-
-
-def shards(images: Iterable[Image], size: int = SHARD) -> Iterator[Unit]:
-    """Yield pieces of about ``size`` images that stay the same if images are added or removed elsewhere.
-
-    The end of a shard is determined by its last image and not by a count, so a new image changes only its own
-    shard.
-    """
-    shard: list[Image] = []
-    for image in images:
-        shard.append(image)
-        if int.from_bytes(image.id[-4:], "big") % size == 0 or len(shard) >= MOST * size:
-            yield Unit(tuple(shard), _key(shard))
-            shard = []
-    if shard:
-        yield Unit(tuple(shard), _key(shard))
-
-
-def _key(images: list[Image]) -> str:
-    """Digest of a shard's content: identities, names and versions of its images."""
-    digest = hashlib.blake2b(digest_size=16)
-    for image in images:
-        for text in (image.place, image.name, image.version or ""):
-            digest.update(text.encode(errors="surrogateescape") + b"\0")
-    return digest.hexdigest()
-
-
-class Partials:
-    """A folder of partial results, one file per shard, each complete or absent.
-
-    Args:
-        folder: of the files; created when the first is written.
-        question: what to read; a partial result is used only if it is for the same question.
-    """
-
-    def __init__(self, folder: Path, question: str) -> None:
-        if folder.exists() and not folder.is_dir():
-            raise InputError("is a file; expected a folder for partial results", source=str(folder))
-        self._folder, self._question = folder, question
-
-    def get(self, unit: Unit) -> Accumulator | None:
-        """Result of a shard from an earlier run; None if it has to be read."""
-        path = self._path(unit)
-        try:
-            return Accumulator.from_bytes(path.read_bytes())
-        except FileNotFoundError:
-            return None
-        except (OSError, InputError) as error:
-            log.warning("%s: %s; its images are read again", path, error)
-            return None
-
-    def put(self, unit: Unit, part: Accumulator) -> None:
-        """Write the result of a shard, unless another attempt may be able to read more images.
-
-        Raises:
-            InputError: the file cannot be written.
-        """
-        if not part.is_passing:
-            write_files({self._path(unit): part.to_bytes()})
-
-    def _path(self, unit: Unit) -> Path:
-        return self._folder / f"{unit.key}.{self._question}.part"
 
 
 BATCH = 64
@@ -213,8 +138,7 @@ def read_images(
     question: Question = NOTHING_ASKED,
     *,
     engine: Engine,
-    shard: int | None = None,
-    partials: Path | None = None,
+    batch: int = BATCH,
     progress: Callable[[int], None] | None = None,
     stop_at_first: bool = False,
 ) -> Reading:
@@ -224,40 +148,19 @@ def read_images(
         images: the images; consumed lazily.
         question: what to read.
         engine: distributes the work.
-        shard: number of images per piece; None for small pieces.
-        partials: folder for the results of shards, which a later run reuses.
+        batch: number of images per piece.
         progress: called with the number of images read since the last call.
         stop_at_first: whether to stop after the first piece with an image that cannot be read.
-
-    Raises:
-        InputError: a partial result cannot be written.
     """
-    asked = f"days{question.days:d}-all{question.list_all:d}"
-    kept = Partials(partials, asked) if partials is not None else None
-    units = shards(images) if kept is not None else batches(images, shard or BATCH)
     total, lost = Accumulator(list_all=question.list_all), 0
-
-    def taken(part: Accumulator, count: int) -> None:
-        total.merge(part)
-        if progress is not None:
-            progress(count)
-
-    def left() -> Iterator[Unit]:
-        for unit in units:
-            known = kept.get(unit) if kept is not None else None
-            if known is None:
-                yield unit
-            else:
-                taken(known, len(unit.images))
-
-    for done in engine(partial(read_unit, question=question), left()):
+    for done in engine(partial(read_unit, question=question), batches(images, batch)):
         part = done.part
         if part is None:
             lost += done.count
             part = _unread(done.unit, question)
-        elif kept is not None and done.unit is not None:
-            kept.put(done.unit, part)
-        taken(part, done.count)
+        total.merge(part)
+        if progress is not None:
+            progress(done.count)
         if stop_at_first and total.has_unread:
             break
     return Reading(images=total, lost=lost)
@@ -335,23 +238,20 @@ def _with_pixels(
 
 
 def _read(image: Image, *, days: bool, pixels: bool = True) -> Observation:
-    passing = False
     try:
         with open_place(image.place) as source:
             return observe(source, image, days=days, pixels=pixels)
-    except InputError as error:
+    except (InputError, StoreError) as error:
         reason = error.message
-    except StoreError as error:
-        reason, passing = error.message, error.passing
     except OSError as error:
         reason = f"cannot be read: {error.strerror or error}"
-    return Observation(id=image.id, name=image.name, reason=reason, passing=passing)
+    return Observation(id=image.id, name=image.name, reason=reason)
 
 
 def _unread(unit: Unit | None, question: Question) -> Accumulator:
     part = Accumulator(list_all=question.list_all)
     for image in unit.images if unit is not None else ():
-        part.add(Observation(id=image.id, name=image.name, reason=KILLED, passing=True))
+        part.add(Observation(id=image.id, name=image.name, reason=KILLED))
     return part
 
 
@@ -366,7 +266,6 @@ AHEAD: Final = 2
 """Tasks submitted in advance for each thread of the cluster."""
 STALLED_S: Final = 3600.0
 """After this many seconds without a result the workers hang or are gone; a piece takes minutes at most."""
-_LOCAL = re.compile(r"local:([1-9][0-9]{0,2})")
 
 
 def _distributed() -> Any:
@@ -375,47 +274,24 @@ def _distributed() -> Any:
 
 
 @contextmanager
-def connected(
-    scheduler: str | None = None, cluster: str | None = None, *, merged: int = MERGED
-) -> Iterator[Engine]:
+def connected(cluster: str) -> Iterator[Engine]:
     """Context manager that gives an engine on a cluster.
 
     Args:
-        scheduler: address of a running scheduler, such as tcp://host:8786.
-        cluster: "local:4" to start 4 processes on this machine instead.
-        merged: number of results merged before they are returned; 1 if each is kept separately.
+        cluster: address of its Dask scheduler, such as tcp://host:8786.
 
     Raises:
         MissingExtraError: Dask is not installed.
-        InputError: no scheduler answers, it has no workers, or ``cluster`` has another form.
+        InputError: no scheduler answers, or it has no workers.
     """
     require(["distributed"], "reading images on a cluster")
-    distributed = _distributed()
-
     with ExitStack() as stack:
-        target: Any = scheduler
-        if cluster is not None:
-            size = _LOCAL.fullmatch(cluster)
-            if size is None:
-                raise InputError(f"{cluster!r}: expected local:N, such as local:4", place="--cluster")
-            # If no worker comes back, waiting tasks end instead of waiting for ever.
-            stack.enter_context(
-                import_module("dask").config.set({"distributed.scheduler.no-workers-timeout": "5 minutes"})
-            )
-            target = stack.enter_context(
-                distributed.LocalCluster(
-                    n_workers=int(size[1]),
-                    threads_per_worker=1,
-                    dashboard_address=None,
-                    silence_logs=logging.CRITICAL,
-                )
-            )
         try:
-            client = stack.enter_context(distributed.Client(target, timeout="20s", set_as_default=False))
+            client = stack.enter_context(_distributed().Client(cluster, timeout="20s", set_as_default=False))
             client.wait_for_workers(1, timeout=60)
         except (OSError, ValueError) as error:
-            raise InputError(f"no scheduler with workers answers: {error}", source=scheduler) from None
-        yield on_cluster(client, merged=merged)
+            raise InputError(f"no scheduler with workers answers: {error}", source=cluster) from None
+        yield on_cluster(client)
 
 
 def on_cluster(client: Any, *, merged: int = MERGED) -> Engine:

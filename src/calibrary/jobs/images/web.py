@@ -15,7 +15,7 @@ from typing import Final
 from urllib.parse import unquote, urljoin, urlsplit
 from urllib.request import getproxies, proxy_bypass
 
-from calibrary.jobs.images.ranged import First, Listed, StoreError
+from calibrary.jobs.images.ranged import First, StoreError
 
 TIMEOUT_S: Final = 30.0
 KEPT: Final = 64
@@ -72,9 +72,9 @@ class WebServer:
             raise StoreError(_MEANINGS[412])
         return data[start:end] if status == HTTPStatus.OK else data
 
-    def listed(self, prefix: str) -> Iterator[Listed]:
+    def listed(self, prefix: str) -> Iterator[str]:
         """The URL itself: web servers provide no listing, so a URL is one file."""
-        yield Listed(prefix, None)
+        yield prefix
 
     def _get(
         self, key: str, headers: dict[str, str], redirects: int = REDIRECTS
