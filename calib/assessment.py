@@ -16,7 +16,7 @@ from calibrary.calib.board_shape import BoardShape, Stretch, stretch
 from calibrary.calib.corners_file import corners_sha256
 from calibrary.calib.covariance import identifiability, lens_covariance
 from calibrary.calib.geometry import Geometry, geometry, inside_circle, near_corners, proven
-from calibrary.calib.lens_models import PINHOLE, Solvable
+from calibrary.calib.lens_models import Solvable
 from calibrary.calib.lens_series import series_shift
 from calibrary.calib.misfit import corner_noise, misfit
 from calibrary.calib.model_choice import CLEARLY, Candidate, RivalLens, WarpTest, sound_share, with_warp
@@ -52,7 +52,6 @@ from calibrary.calibration import (
     Quality,
     SourceFile,
 )
-from calibrary.distortion import SplinedStereographic
 from calibrary.errors import CalibrationError, InputError
 from calibrary.extras import programs, versions_in_words
 from calibrary.policy import FLEET, Policy
@@ -61,8 +60,6 @@ from calibrary.records import replace
 from calibrary.validation import Finding, Severity
 
 MAP_SHAPE: Final = (27, 21)
-SPLINED_SHAPE: Final = (61, 47)
-"""Where splines are fitted: more than two places for each of their cells."""
 
 
 class Joint(Struct, frozen=True, kw_only=True, eq=False):
@@ -111,7 +108,6 @@ def assess(
     policy: Policy = FLEET,
     *,
     seed: int = 0,
-    splined: bool = False,
 ) -> CalibrationResult:
     """Return the calibration with its uncertainty and verdict.
 
@@ -120,7 +116,6 @@ def assess(
         limits: limits of the verdict.
         policy: limits of σ for each use.
         seed: random seed for splitting the views into halves.
-        splined: whether the lens is written as splines if it departs from its model.
 
     Raises:
         CalibrationError: the corners do not determine a camera.
@@ -147,13 +142,8 @@ def assess(
     if solved.joint is None and uncertainty is not None:
         known = np.isfinite(uncertainty.std_px.ravel())
         field = _field(calibration, adjusted, uncertainty.pixels.reshape(-1, 2), known)
-    off_px = None
     if field is not None and uncertainty is not None and (field.is_of_lens or not field.is_significant):
         uncertainty, calibration = _with_field(uncertainty, field), _absorbed(calibration, field)
-        written = _splined(calibration, adjusted) if splined and field.is_of_lens else None
-        if written is not None:
-            uncertainty = _beside_field(uncertainty, calibration, field)
-            calibration, off_px = _of_splines(calibration, written[0], field), written[1]
     corners = adjusted.network.pixels[adjusted.network.seen]
     where = (
         proven(
@@ -176,7 +166,7 @@ def assess(
         views=views,
         axial_focal=_axial_focal(adjusted.state, quality.covariance or covariance),
         proven=where,
-        departure=_departure(field, uncertainty, observations, corners, off_px),
+        departure=_departure(field, uncertainty, observations, corners),
         rival=rival,
         warp=tested,
         explained=explained,
@@ -471,13 +461,12 @@ def _camera(calibration: Calibration, model: Solvable, parameters: FloatArray) -
 
 
 def _field(
-    calibration: Calibration, adjusted: Adjusted, pixels: FloatArray, shown: BoolArray | None = None
+    calibration: Calibration, adjusted: Adjusted, pixels: FloatArray, shown: BoolArray
 ) -> Field | None:
     """Return what the lens departs from its model by, at (N, 2) pixels; NaN where there is no ray."""
     state = adjusted.state
     rays = calibration.unproject(pixels)
-    known = np.isfinite(rays).all(axis=1)
-    known &= True if shown is None else shown
+    known = shown & np.isfinite(rays).all(axis=1)
     _, by_lens, by_point = state.model.project(state.parameters, rays[known])
     size = len(state.parameters)
     turn = np.stack([np.cross(axis, rays[known]) for axis in np.eye(3)], axis=-1)
@@ -500,40 +489,6 @@ def _with_field(uncertainty: Uncertainty, field: Field) -> Uncertainty:
     )
 
 
-def _beside_field(uncertainty: Uncertainty, calibration: Calibration, field: Field) -> Uncertainty:
-    """σ of what is written with the mean of the field: without that mean, and by the variance factor beside it."""
-    quality, inner = calibration.quality or Quality(), field.variance.max(axis=1)
-    of_model = uncertainty.std_px.ravel() ** 2 - (field.mean**2).sum(axis=1) - inner
-    kept = max(1.0, field.kappa2 or 1.0) / quality.inflation
-    std = np.sqrt(np.maximum(of_model, 0.0) * kept + inner)
-    return replace(uncertainty, std_px=std.reshape(uncertainty.std_px.shape))
-
-
-def _splined(calibration: Calibration, adjusted: Adjusted) -> tuple[SplinedStereographic, float] | None:
-    """Return the lens with its field as splines, and by how many px that misses the two at most."""
-    K = calibration.intrinsics
-    pixels = pixel_grid(K.image_size, SPLINED_SHAPE).reshape(-1, 2)
-    field = _field(calibration, adjusted, pixels)
-    if field is None:
-        return None
-    known = np.isfinite(field.mean).all(axis=1)
-    rays, seen = calibration.unproject(pixels[known]), (pixels + field.mean)[known]
-    lens = SplinedStereographic.fitted(rays, (seen - [K.cx, K.cy]) / [K.fx, K.fy])
-    if lens is None:
-        return None
-    missed = np.hypot(*(replace(calibration, distortion=lens).project(rays) - seen).T)
-    # NaN: it turns back inside the image, which no lens does.
-    return (lens, float(missed.max())) if np.isfinite(missed).all() else None
-
-
-def _of_splines(calibration: Calibration, lens: SplinedStereographic, field: Field) -> Calibration:
-    """The calibration with that lens: K has its σ, and the model's coefficients are gone with theirs."""
-    quality = calibration.quality or Quality()
-    std = {name: value for name, value in quality.std.items() if name in PINHOLE}
-    quality = replace(quality, kappa2=field.kappa2, covariance=None, std=std)
-    return replace(calibration, distortion=lens, quality=quality)
-
-
 def _absorbed(calibration: Calibration, field: Field) -> Calibration:
     """Add to the covariance what the parameters have absorbed of the field: no noise, which κ² would multiply."""
     quality = calibration.quality
@@ -549,7 +504,6 @@ def _departure(
     uncertainty: Uncertainty | None,
     observations: Observations,
     corners: FloatArray,
-    splines_off_px: float | None,
 ) -> Departure | None:
     """Return where the lens departs most from its model near corners; None if noise explains it."""
     if field is None or uncertainty is None or not field.is_significant:
@@ -567,7 +521,6 @@ def _departure(
         y=float(pixels[at, 1]),
         kappa2=field.kappa2,
         is_of_lens=field.is_of_lens,
-        splines_off_px=splines_off_px,
     )
 
 

@@ -12,7 +12,7 @@ from calibrary.calib.assessment import Solved, assess
 from calibrary.calib.board import Board, Pattern
 from calibrary.calib.board_shape import BoardShape, board_shape, laid_on
 from calibrary.calib.lens_change import as_model
-from calibrary.calib.lens_models import SPLINED, Solvable
+from calibrary.calib.lens_models import Solvable
 from calibrary.calib.model_choice import best_model, calmer
 from calibrary.calib.network import Network
 from calibrary.calib.observations import Observations, View
@@ -48,8 +48,7 @@ def estimate(
 
     Args:
         observations: views of one board, or of control points, by one camera at one focus setting.
-        model: a :class:`~calibrary.calib.lens_models.Solvable`, "auto" to choose it by the corners, or "splined" to
-            write the chosen one as splines if the lens departs from it.
+        model: a :class:`~calibrary.calib.lens_models.Solvable`, or "auto" to choose it by the corners.
         guess: an initial K, such as the seed of a camera check. Needed for points that are not in a plane; the default
             is a focal length of 0.8 · max(W, H).
         warp: whether the board warp may be estimated.
@@ -62,9 +61,8 @@ def estimate(
         InputError: the observations are inconsistent, or the model is unknown.
         CalibrationError: the observations do not determine a camera.
     """
-    splined = model == SPLINED
-    solved = solved_views(observations, "auto" if splined else model, guess=guess, warp=warp, gate=gate)
-    result = assess(solved, limits, policy, seed=seed, splined=splined)
+    solved = solved_views(observations, model, guess=guess, warp=warp, gate=gate)
+    result = assess(solved, limits, policy, seed=seed)
     kappa2 = result.calibration.quality.kappa2 if result.calibration.quality else None
     if model != "auto" or kappa2 is None or kappa2 <= limits.kappa2_wanted:
         return result

@@ -37,8 +37,6 @@ Projected: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 """Pixels (…, 2), ∂px/∂parameters (…, 2, n) and ∂px/∂point (…, 2, 3)."""
 
 PINHOLE: Final = ("fx", "fy", "cx", "cy")
-SPLINED: Final = "splined"
-"""Asks for the chosen model, and for splines if the lens departs from it."""
 PERSPECTIVE: Final = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 
 

@@ -103,7 +103,6 @@ class Departure(Struct, frozen=True, kw_only=True):
         x, y: the place, px.
         kappa2: variance factor once the field is subtracted; None if there are too few views.
         is_of_lens: whether the field explains what the views contradict one another about, as only the lens can.
-        splines_off_px: by how much the splines miss model and field at most, px, if the lens is written as splines.
     """
 
     px: float
@@ -112,7 +111,6 @@ class Departure(Struct, frozen=True, kw_only=True):
     y: float
     kappa2: float | None
     is_of_lens: bool
-    splines_off_px: float | None = None
 
 
 class Evidence(Struct, frozen=True, kw_only=True):

@@ -282,15 +282,6 @@ def _departs(e: Evidence, policy: Policy) -> Iterator[Finding]:
     named = found.px > 3 * found.std_px
     where = f" in the {f'{place} part' if place else 'middle'} of the frame" if named else ""
     limit = policy.fixed_sigma_px
-    if found.splines_off_px is not None:
-        yield Finding(
-            rule="lens-departs",
-            severity=Severity.NOTE,
-            measured=found.px,
-            message=f"the lens departs from its model by up to {two_digits(found.px)} px{where}; it is written as "
-            f"splines, which contain that to {max(found.splines_off_px, 1e-4):.1g} px",
-        )
-        return
     harms = not found.px <= limit
     yield Finding(
         rule="lens-departs",
@@ -299,9 +290,7 @@ def _departs(e: Evidence, policy: Policy) -> Iterator[Finding]:
         limit=limit,
         message=f"the lens departs from its model by up to {two_digits(found.px)} px{where}; the standard deviations "
         "there contain it" + (f", and K is not kept fixed above {limit:g} px" if harms else ""),
-        remedy="let the lens be written as splines (--lens-model splined), or choose another model"
-        if harms
-        else None,
+        remedy="choose another model" if harms else None,
     )
 
 

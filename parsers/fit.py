@@ -35,8 +35,6 @@ YOUR_WORD: Final = "--drop-distortion"
 
 NO_SOURCE: Final = Provenance(kind="")
 FITTED_GRID = 25
-SPLINED_GRID = 73
-"""Three to a cell of the splines."""
 MEASURED_GRID = 49
 RINGS, RING = 16, 12
 """Circles about the axis, each half as wide as the one before, and the points of each."""
@@ -64,11 +62,12 @@ def refit(
 
     Returns:
         The calibration with the new lens, and the quality of the fit; None if the model cannot represent a
-        ray of the image (a perspective model for a fisheye beyond 90°), or none that does was found.
+        ray of the image (a perspective model for a fisheye beyond 90°), or none that does was found. Splines are not
+        fitted.
     """
     K = intrinsics or calibration.intrinsics
     if issubclass(target, SplinedStereographic):
-        return _splined(calibration, K)
+        return None
     pixels, rays = _pixel_grid(calibration, FITTED_GRID)
     if not len(rays):
         return None
@@ -99,15 +98,6 @@ def refit(
     if unknowns is None:
         return None
     fitted = replace(calibration, intrinsics=stretched(unknowns), distortion=_model(target, unknowns[:terms]))
-    return fitted, compare(calibration, fitted)
-
-
-def _splined(calibration: Calibration, K: Intrinsics) -> tuple[Calibration, Fit] | None:
-    pixels, rays = _pixel_grid(calibration, SPLINED_GRID)
-    lens = SplinedStereographic.fitted(rays, _normalised(K, pixels))
-    if lens is None:
-        return None
-    fitted = replace(calibration, intrinsics=K, distortion=lens)
     return fitted, compare(calibration, fitted)
 
 

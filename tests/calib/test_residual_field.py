@@ -9,7 +9,7 @@ from calibrary.arrays import FloatArray
 from calibrary.calib.estimation import estimate
 from calibrary.calib.observations import Observations
 from calibrary.calib.result import CalibrationResult
-from calibrary.distortion import Rational, SplinedStereographic
+from calibrary.distortion import Rational
 from calibrary.records import replace
 from calibrary.validation import Severity
 
@@ -55,45 +55,6 @@ def test_what_the_field_explains_is_no_reason_not_to_keep_k_fixed() -> None:
     assert (result.evidence.kappa2 or 0) > 2
     unstable = next(one for one in result.findings if one.rule == "unstable")
     assert unstable.severity is Severity.NOTE
-
-
-def test_such_a_lens_is_written_as_splines_on_request_and_shows_points_where_they_are() -> None:
-    plain, splined = estimate(bulged(0.4)), estimate(bulged(0.4), "splined")
-    assert plain.calibration.distortion != splined.calibration.distortion
-    assert isinstance(splined.calibration.distortion, SplinedStereographic)
-    assert splined.calibration.intrinsics == plain.calibration.intrinsics
-    about = AT + 100 * np.column_stack(
-        [axis.ravel() for axis in np.meshgrid([-2, -1, 0, 1, 2], [-2, -1, 0, 1, 2])]
-    )
-    rays = camera().unproject(about)
-    near = np.exp(-((about - AT) ** 2).sum(axis=1) / (2 * 170.0**2))
-    seen = about + near[:, None] * (0.4, 0.0)
-    off = [shape_of(one.calibration.project(rays) - seen) for one in (plain, splined)]
-    assert off[1] < off[0] / 2
-    told = next(one for one in splined.findings if one.rule == "lens-departs")
-    assert told.severity is Severity.NOTE
-    assert "written as splines, which contain that to 0.0" in told.message
-    assert 0.02 < sigma_at(splined, AT) < sigma_at(plain, AT) / 2
-
-
-def shape_of(moved: FloatArray) -> float:
-    """RMS of what is left without a common shift, which is a turn of the camera."""
-    return float(np.sqrt(((moved - moved.mean(axis=0)) ** 2).mean()))
-
-
-def test_splines_keep_the_sigma_of_k_and_state_no_covariance_of_coefficients_that_are_gone() -> None:
-    quality = estimate(bulged(0.4), "splined").calibration.quality
-    assert quality is not None
-    assert quality.std.keys() == {"fx", "fy", "cx", "cy"}
-    assert quality.covariance is None
-    assert quality.kappa2 is not None
-    assert quality.kappa2 < 1.5
-    assert quality.proven is not None
-
-
-@pytest.mark.parametrize("seen", [bulged(0.0), rolling()], ids=["noise", "motion"])
-def test_what_is_not_of_the_lens_makes_no_splines(seen: Observations) -> None:
-    assert estimate(seen, "splined").calibration.distortion == estimate(seen).calibration.distortion
 
 
 def test_noise_is_no_departure() -> None:

@@ -139,7 +139,6 @@ def test_evidence_that_keeps_every_limit_is_told_nothing() -> None:
         ({"departure": DEPARTURE}, {"lens-departs": NOTE}),
         ({"departure": DEPARTURE, "kappa2": 2.1, "fx_std": 0.1}, {"lens-departs": NOTE, "unstable": NOTE}),
         ({"departure": replace(DEPARTURE, px=0.51)}, {"lens-departs": UNPROVEN}),
-        ({"departure": replace(DEPARTURE, px=0.51, splines_off_px=0.002)}, {"lens-departs": NOTE}),
         ({"departure": replace(DEPARTURE, px=0.51, is_of_lens=False)}, {}),
         ({"warp": WARP}, {"board-warp": UNPROVEN}),
         ({"warp": WARP, "is_warped": True}, {"board-warp": NOTE}),

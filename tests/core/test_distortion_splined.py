@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from calibrary.arrays import FloatArray
-from calibrary.distortion import KannalaBrandt, SplinedStereographic
+from calibrary.distortion import SplinedStereographic
 from calibrary.errors import InputError
 from tests.core.lens_models import splined_lens
 from tests.thorough import examples
@@ -121,25 +121,6 @@ def test_knots_that_overflow_leave_nothing_seen() -> None:
     lens = SplinedStereographic(order=3, nx=8, ny=6, fov_x_deg=150, knots=knots)
     assert lens.max_angle_rad() == 0
     assert np.isnan(lens.undistort_to_rays(RAYS[:, :2])).all()
-
-
-def test_a_fitted_one_follows_another_lens_and_is_smooth_beyond_what_is_seen() -> None:
-    fisheye = KannalaBrandt(k1=0.05, k2=-0.01, k3=0.003, k4=-0.001)
-    whole = field(of_mrcal(3, 40, 30, 160))
-    lens = SplinedStereographic.fitted(whole, fisheye.distort_rays(whole))
-    assert lens is not None
-    between = 0.5 * (whole[:-42] + whole[42:])
-    missed = lens.distort_rays(between) - fisheye.distort_rays(between)
-    assert np.nanmax(np.abs(missed)) * 1000 < 0.02
-    few = whole[whole[:, 0] > 0.2]
-    lens = SplinedStereographic.fitted(few, fisheye.distort_rays(few))
-    assert lens is not None
-    assert np.abs(lens.distort_rays(whole) - fisheye.distort_rays(whole)).max() < 0.3
-
-
-def test_straight_backwards_nothing_is_fitted() -> None:
-    assert SplinedStereographic.fitted(np.array([[0, 0, -1.0]]), np.zeros((1, 2))) is None
-    assert SplinedStereographic.fitted(np.empty((0, 3)), np.empty((0, 2))) is None
 
 
 @pytest.mark.parametrize(

@@ -26,12 +26,6 @@ TURNS: Final = 60
 """Steps of Newton's search; a lens takes four."""
 PLACES: Final = 25
 """Along a side of the grid, to start a search from."""
-CELLS: Final = 24
-"""Of a fitted lens along its longer side; a residual with knots an eighth of the image apart is met to 0.002 px."""
-BESIDE: Final = 1.02
-"""How far the grid of a fitted lens reaches beyond what is seen."""
-SMOOTH: Final = 1e-9
-"""Weight of the second differences of a fitted lens's knots, which decide where nothing is seen."""
 
 
 class SplinedStereographic(Omnidirectional):
@@ -108,46 +102,6 @@ class SplinedStereographic(Omnidirectional):
         """The grid's numbers; nobody reads the knots."""
         return {name: float(getattr(self, name)) for name in self.names()[:-1]}
 
-    @classmethod
-    def fitted(cls, rays: FloatArray, xy: FloatArray) -> SplinedStereographic | None:
-        """Return the lens that shows directions at distorted points, by least squares, and is smooth elsewhere.
-
-        Args:
-            rays: (N, 3) directions, well spread.
-            xy: (N, 2) distorted coordinates.
-
-        Returns:
-            The lens; None if there are none, or one is straight backwards.
-        """
-        uv = _flat(rays)
-        if not len(uv) or not np.isfinite(uv).all() or not np.isfinite(xy).all():
-            return None
-        reach = np.maximum(np.abs(uv).max(axis=0), 1e-3) * BESIDE
-        fov = math.ceil(math.degrees(4.0 * math.atan(float(reach[0]) / 2.0)))
-        if fov > 359:
-            return None
-        edge = 2.0 * math.tan(math.radians(fov) / 4.0)
-        nx = 3 + math.ceil(CELLS * edge / max(edge, float(reach[1])))
-        ny = 3 + math.ceil((nx - 3) * float(reach[1]) / edge)
-        if nx * ny > MOST_KNOTS:
-            return None
-        grid = _Grid.of(3, nx, ny, fov)
-        across, down = (np.zeros((len(uv), count)) for count in (nx, ny))
-        rows = np.arange(len(uv))[:, None]
-        for matrix, axis in ((across, 0), (down, 1)):
-            first, weights, _ = grid.weights(uv[:, axis], axis)
-            matrix[rows, first[:, None] + np.arange(4)] = weights
-        basis = (down[:, :, None] * across[:, None, :]).reshape(len(uv), -1)
-        bends = np.vstack(
-            [
-                np.kron(np.eye(ny), np.diff(np.eye(nx), 2, axis=0)),
-                np.kron(np.diff(np.eye(ny), 2, axis=0), np.eye(nx)),
-            ]
-        )
-        normal = basis.T @ basis + SMOOTH * len(uv) * (bends.T @ bends)
-        knots = np.linalg.lstsq(normal, basis.T @ (xy - uv), rcond=1e-14)[0]
-        return cls(order=3, nx=nx, ny=ny, fov_x_deg=fov, knots=tuple(knots.ravel().tolist()))
-
     def max_angle_rad(self) -> float:
         """Angle from the axis up to which the map is one-to-one all around; it may be so farther to some sides."""
         return 2.0 * math.atan(max(float(_surface(self).limits.min()), 0.0) / 2.0)
@@ -185,13 +139,6 @@ class SplinedStereographic(Omnidirectional):
             return u * shrink, v * shrink, (4.0 - across) / (4.0 + across)
 
         return by_columns(direction, xy, 2, 3)
-
-
-def _flat(rays: FloatArray) -> FloatArray:
-    """Stereographic projection."""
-    with np.errstate(all="ignore"):
-        x, y, z = unit(*rays.T)
-        return np.asarray(np.column_stack([x, y]) * (2.0 / (1.0 + z))[:, None])
 
 
 class _Grid(Struct, frozen=True, kw_only=True, eq=False):

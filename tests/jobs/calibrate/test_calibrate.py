@@ -11,13 +11,10 @@ import pytest
 
 import calibrary
 from calibrary.arguments import Stated
-from calibrary.calib.corners_file import encode_corners
 from calibrary.calib.verdict import BoardVerdict
-from calibrary.distortion import SplinedStereographic
 from calibrary.errors import CalibrationError, InputError
 from calibrary.records import encoded
 from calibrary.schemas import require
-from tests.calib.test_residual_field import bulged
 
 BOARD = "checkerboard:9x6"
 
@@ -71,25 +68,6 @@ def test_it_is_plain_data_by_the_commands_schema(result: calibrary.CalibrateRepo
 def test_a_model_that_is_not_there_is_refused_before_any_frame_is_read(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no lens model 'pinhole'; expected auto, k1k2"):
         calibrary.calibrate(tmp_path / "nowhere", square_mm=40, lens_model="pinhole")  # type: ignore[arg-type]
-
-
-def test_a_lens_that_departs_from_its_model_is_written_for_mrcal_with_that(tmp_path: Path) -> None:
-    seen, out = tmp_path / "corners.json", tmp_path / "a.cameramodel"
-    seen.write_bytes(encode_corners(bulged(0.4)))
-    result = calibrary.calibrate(corners=seen, lens_model="splined", out=out, html=tmp_path / "page.html")
-    assert result.unwritten is None
-    [again] = calibrary.read_all(out)
-    assert isinstance(again.distortion, SplinedStereographic)
-    assert again.distortion == result.calibration.distortion
-    require(json.loads(encoded(result)), "calibration-result-3")
-    result = calibrary.calibrate(
-        corners=seen, lens_model="splined", out=tmp_path / "cameras.txt", to="colmap"
-    )
-    assert "splined-stereographic model has no exact counterpart" in (result.unwritten or "")
-    assert "px, max 0." in (result.unwritten or "")
-    assert (result.unwritten or "").endswith(
-        "'calibrary convert', on a file of mrcal's format (--out FILE.cameramodel)"
-    )
 
 
 def test_frames_without_the_board_are_no_calibration(furnished: Path) -> None:

@@ -117,13 +117,10 @@ def test_a_program_without_splines_gets_the_nearest_lens_with_its_error() -> Non
     assert 1 < verdict.fits[0].max_px < 100
 
 
-def test_a_lens_that_mrcal_has_no_formula_for_goes_there_as_splines() -> None:
-    original = camera(KannalaBrandt(k1=0.01, k2=-0.002, k3=0.001, k4=0.0))
-    original = replace(original, intrinsics=replace(original.intrinsics, fx=1700.0, fy=1700.0))
-    data, verdict = parsers.encode([original], "mrcal")
-    assert "SPLINED_STEREOGRAPHIC_order=3" in data.decode()
-    assert not verdict.fits[0].exact
-    assert verdict.fits[0].max_px < 0.05
+def test_a_lens_that_mrcal_has_no_formula_for_does_not_become_splines() -> None:
+    lens = camera(KannalaBrandt(k1=0.01, k2=-0.002, k3=0.001, k4=0.0))
+    with pytest.raises(UnsupportedModelError, match="kannala-brandt"):
+        parsers.encode([replace(lens, intrinsics=replace(lens.intrinsics, fx=1700.0, fy=1700.0))], "mrcal")
 
 
 def test_what_was_solved_goes_back_beside_its_own_intrinsics_only() -> None:

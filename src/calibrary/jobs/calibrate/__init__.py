@@ -58,7 +58,7 @@ def calibrate(
     pixel_origin: Literal["corner", "centre"] | None = None,
     camera: CameraLike | None = None,
     focus: Text | None = None,
-    lens_model: Literal[LensModel, "splined"] = "auto",
+    lens_model: LensModel = "auto",
     flat: bool = False,
     seed_k: File | None = None,
     stated: Stated | None = None,
@@ -93,8 +93,7 @@ def calibrate(
             centre as in OpenCV and mrcal (default for ``corners``).
         camera: facts about the camera that the images do not state or state wrongly.
         focus: how the lens was focused: "locked at infinity".
-        lens_model: distortion model; auto chooses it by the corners. With splined, a lens that departs from the one
-            chosen is written as mrcal's splines, which contain that.
+        lens_model: distortion model; auto chooses it by the corners.
         flat: assume that the board is flat, instead of testing it for a warp.
         seed_k: a K to start from, such as the seed that extract writes.
         stated: day and operator of the calibration (default: the day of the images, else today).
@@ -120,7 +119,7 @@ def calibrate(
     'few-views'
     """
     from calibrary.calib.board import parse_board
-    from calibrary.calib.lens_models import SPLINED, Solvable
+    from calibrary.calib.lens_models import Solvable
     from calibrary.calib.verdict import AskedUse
     from calibrary.calibration import Origin
     from calibrary.extras import CALIBRATE, require
@@ -145,8 +144,7 @@ def calibrate(
         raise UsageError("--marker-mm needs the size of the squares too: say --square-mm MM")
     outputs = Outputs.of(html=html, corners=keep_corners, out=out, to=to)
     require(CALIBRATE, "a calibration")
-    if lens_model != SPLINED:
-        Solvable.named(lens_model)
+    Solvable.named(lens_model)
     told = run.Told(
         camera=run.stated_camera(camera, registry, as_),
         focus=focus,

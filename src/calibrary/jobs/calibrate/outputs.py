@@ -14,7 +14,6 @@ from calibrary.calib.corners_file import encode_corners
 from calibrary.calib.observations import Observations
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration
-from calibrary.distortion import SplinedStereographic
 from calibrary.errors import InputError, UnsupportedModelError, UsageError
 from calibrary.pages import Page, check_page_place, render_page
 from calibrary.parsers.format import Format
@@ -112,8 +111,6 @@ class Outputs(Struct, frozen=True, kw_only=True):
             if report.verdict is BoardVerdict.REFUSE or report.calibration is None:
                 report = replace(report, unwritten="it is refused")
             else:
-                splined = isinstance(report.calibration.distortion, SplinedStereographic)
-                whole = "mrcal's format (--out FILE.cameramodel)" if splined else "another format"
                 try:
                     content[self.out], verdict = parsers.encode(
                         [report.calibration], self.format, name=self.out.name
@@ -121,7 +118,7 @@ class Outputs(Struct, frozen=True, kw_only=True):
                     report = replace(report, dropped=tuple(verdict.dropped))
                 except UnsupportedModelError as error:
                     # The calibration may have taken minutes, and another format may hold it.
-                    report = replace(report, unwritten=why_unwritten(error, whole))
+                    report = replace(report, unwritten=why_unwritten(error, "another format"))
         if self.html is not None:
             content[self.html] = render_page(page(report)).encode()
         if self.corners is not None and seen is not None:
