@@ -41,12 +41,13 @@ from calibrary.calib.projection_difference import pixel_grid, projection_differe
 from calibrary.calib.rejection import Gate
 from calibrary.calib.result import CalibrationResult
 from calibrary.calib.solve import solve
-from calibrary.calib.synthesis import Settings, Shutter, observe, poses, render
+from calibrary.calib.synthesis import Settings, Shutter, poses, render
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Provenance
 from calibrary.distortion import BrownConrady
 from calibrary.errors import CalibrationError
 from calibrary.jobs.calibrate import calibrate
 from calibrary.records import replace
+from tests.calib.observing import observe
 
 BOARD = Board(columns=11, rows=8, square_mm=40.0)
 LENS = BrownConrady(k1=-0.2687, k2=0.1147, p1=1.5e-4, p2=-4.7e-4, k3=-0.035)

@@ -40,7 +40,7 @@ from calibrary.calib.detection import detect_all
 from calibrary.calib.estimation import estimate
 from calibrary.calib.observations import Observations
 from calibrary.calib.projection_difference import pixel_grid, projection_difference
-from calibrary.calib.synthesis import Settings, Sheet, Truth, observe, poses
+from calibrary.calib.synthesis import Settings, Sheet, Truth, poses
 from calibrary.calib.synthesis.cameras import head
 from calibrary.calib.synthesis.files import write_frames
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Provenance
@@ -48,6 +48,7 @@ from calibrary.distortion import BrownConrady, Rational
 from calibrary.jobs.diff.comparison import DiffReport, compare
 from calibrary.jobs.diff.verdicts import Kind
 from calibrary.records import replace
+from tests.calib.observing import observe
 
 BOARD = Board(columns=11, rows=8, square_mm=40.0)
 LENS = BrownConrady(k1=-0.2687, k2=0.1147, p1=1.5e-4, p2=-4.7e-4, k3=-0.035)

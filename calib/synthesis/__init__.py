@@ -1,14 +1,14 @@
-"""Synthetic images, or only corners, of a board in a known camera.
+"""Synthetic images of a board in a known camera.
 
 The correct result of a calibration is then known. This is used by the tests, by the demo, and for testing a set-up
 before a flight.
 """
 
-from calibrary.calib.synthesis.observe import Truth, observe
 from calibrary.calib.synthesis.poses import poses
 from calibrary.calib.synthesis.rendering import render, render_raw
 from calibrary.calib.synthesis.settings import Settings
 from calibrary.calib.synthesis.sheet import Pose, Sheet, Shutter, seen_corners
+from calibrary.calib.synthesis.truth import Truth
 
 __all__ = [
     "Pose",
@@ -16,7 +16,6 @@ __all__ = [
     "Sheet",
     "Shutter",
     "Truth",
-    "observe",
     "poses",
     "render",
     "render_raw",

@@ -15,8 +15,8 @@ import numpy as np
 from msgspec import to_builtins
 
 from calibrary.calib.board import Board
-from calibrary.calib.synthesis.observe import Truth
 from calibrary.calib.synthesis.rendering import render_raw
+from calibrary.calib.synthesis.truth import Truth
 from calibrary.errors import InputError
 from calibrary.records import Json, to_json
 from calibrary.synthetic import Head, write_image

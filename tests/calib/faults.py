@@ -9,10 +9,11 @@ import numpy as np
 from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
 from calibrary.calib.observations import Observations, View
-from calibrary.calib.synthesis import Pose, Shutter, observe, poses
+from calibrary.calib.synthesis import Pose, Shutter, poses
 from calibrary.calibration import Calibration
 from calibrary.records import replace
 
+from .observing import observe
 from .solving import BOARD, SIZE, Session, camera, shoot
 
 VIEWS = 20

@@ -13,7 +13,7 @@ from calibrary.calib.board import Board
 from calibrary.calib.detection import Detections
 from calibrary.calib.rig.lens import Place
 from calibrary.calib.rig.observations import RigObservations
-from calibrary.calib.synthesis import Pose, observe, poses
+from calibrary.calib.synthesis import Pose, poses
 from calibrary.calib.synthesis.cameras import example_camera
 from calibrary.calibration import Calibration
 from calibrary.jobs.calibrate_rig.outputs import corner_files
@@ -21,6 +21,7 @@ from calibrary.jobs.calibrate_rig.run import RigDetections
 from calibrary.records import replace
 from calibrary.rig import RigPose
 from calibrary.rotations import rotation_matrix, rotation_vector
+from tests.calib.observing import observe
 
 BOARD = Board(columns=11, rows=8, square_mm=40.0)
 FEWEST = 20

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board
 from calibrary.calib.observations import Observations
-from calibrary.calib.synthesis import Shutter, observe, poses
+from calibrary.calib.synthesis import Shutter, poses
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Provenance
 from calibrary.distortion import BrownConrady, Distortion
 from calibrary.records import replace
+from tests.calib.observing import observe
 
 BOARD = Board(columns=11, rows=8, square_mm=40.0)
 BROWN = BrownConrady(k1=-0.2687, k2=0.1147, p1=3e-4, p2=-4e-4, k3=-0.035)

@@ -15,12 +15,13 @@ from calibrary.calib.estimation import estimate
 from calibrary.calib.found import Found, NotFound, Reason
 from calibrary.calib.lattice import beyond, smoothed
 from calibrary.calib.lens_models import Solvable
-from calibrary.calib.synthesis import Settings, observe, poses, render, seen_corners
+from calibrary.calib.synthesis import Settings, poses, render, seen_corners
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration
 from calibrary.distortion import KannalaBrandt
 from calibrary.records import replace
 
+from .observing import observe
 from .photographs import Gray
 from .solving import BOARD, camera
 

@@ -9,10 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calibrary.calib.artwork import paper_rim
-from calibrary.calib.synthesis import Pose, Sheet, Shutter, observe, poses, seen_corners
+from calibrary.calib.synthesis import Pose, Sheet, Shutter, poses, seen_corners
 from calibrary.distortion import KannalaBrandt
 from calibrary.errors import InputError
 
+from .observing import observe
 from .staging import BOARD, camera
 
 CAMERA = camera()

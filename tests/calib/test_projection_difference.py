@@ -11,12 +11,13 @@ from calibrary.calib.lens_models import Solvable
 from calibrary.calib.network import Network
 from calibrary.calib.projection_difference import projection_difference, projection_uncertainty
 from calibrary.calib.solve import solve
-from calibrary.calib.synthesis import observe, poses
+from calibrary.calib.synthesis import poses
 from calibrary.calibration import Calibration, Covariance
 from calibrary.distortion import BrownConrady, KannalaBrandt, NoDistortion, Rational
 from calibrary.errors import CalibrationError, InputError
 from calibrary.records import replace
 
+from .observing import observe
 from .solving import BOARD, SIZE, Session, camera, shoot
 
 SHAPE = (17, 13)

@@ -135,27 +135,6 @@ def test_a_calibration_file_gives_the_camera(tmp_path: Path) -> None:
     assert truth["calibration"]["intrinsics"]["cx"] == 320.5
 
 
-def test_faults_are_told_in_the_truth(tmp_path: Path) -> None:
-    flags = [
-        "--bow-mm",
-        "0.2",
-        "--stretch-pct",
-        "0.1",
-        "--readout-ms",
-        "30",
-        "--turn-deg-s",
-        "5",
-        "--blur",
-        "1.5",
-    ]
-    assert synth(tmp_path / "out", "--frames", "1", *SMALL, *flags) == 0
-    settings = json.loads((tmp_path / "out" / "truth.json").read_text(encoding="utf-8"))["settings"]
-    assert settings["sheet"]["warp_mm"][0] == pytest.approx(0.2)
-    assert settings["sheet"]["stretch"] == pytest.approx([1.001, 1.0])
-    assert settings["shutter"] == {"readout_s": 0.03, "rate_deg_s": [0.0, 5.0, 0.0]}
-    assert settings["blur_px"] == 1.5
-
-
 def test_a_folder_with_anything_in_it_is_left_alone(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -221,7 +200,6 @@ def test_what_cannot_be_done_is_said_and_nothing_is_written(
     [
         ["calibrate", "synth"],
         ["calibrate", "synth", "out", *BOARD, "--frames", "0"],
-        ["calibrate", "synth", "out", *BOARD, "--quality", "99"],
         ["calibrate", "synth", "out", *BOARD, "--square-mm", "nan"],
         ["calibrate", "synth", "out", *BOARD, "--camera", "FC6310", "--calibration", "x.yml"],
         ["calibrate", "board", "checkerboard:9x6", "--out", "x.pdf"],

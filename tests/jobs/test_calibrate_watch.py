@@ -13,7 +13,6 @@ import pytest
 from calibrary.calib.board import Board
 from calibrary.calib.estimation import estimate
 from calibrary.calib.next_pose import next_pose
-from calibrary.calib.synthesis import observe
 from calibrary.calib.synthesis.sheet import Pose
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.cli.main import main
@@ -21,6 +20,7 @@ from calibrary.jobs.calibrate_watch.session import Watch
 from calibrary.records import replace
 from calibrary.rotations import rotation_matrix, rotation_vector
 from calibrary.schemas import require
+from tests.calib.observing import observe
 from tests.calib.photographs import BOARD as SMALL
 from tests.calib.photographs import saved
 from tests.calib.solving import BOARD, Session, camera, shoot

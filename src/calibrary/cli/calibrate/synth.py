@@ -15,8 +15,8 @@ and corners in OUT/truth.json. With these you can test a set-up before you print
 EXAMPLES = """\
 examples:
   calibrary calibrate synth frames/ --board checkerboard:11x8 --square-mm 40
-  calibrary calibrate synth frames/ --board checkerboard:11x8 --square-mm 40 --camera FC6310 --bow-mm 0.2
-  calibrary calibrate synth frames/ --board charuco:8x5 --square-mm 30 --calibration camera.yaml --blur-px 1.5
+  calibrary calibrate synth frames/ --board checkerboard:11x8 --square-mm 40 --camera FC6310
+  calibrary calibrate synth frames/ --board charuco:8x5 --square-mm 30 --calibration camera.yaml
 """
 
 
@@ -27,20 +27,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         render_frames,
         positional={"out": "OUT"},
         exclusive=(("camera", "calibration"),),
-        groups={
-            "how the board is held": ("max_tilt_deg", "reach"),
-            "what is wrong with the frames": (
-                "blur_px",
-                "motion_px",
-                "noise",
-                "glare",
-                "bow_mm",
-                "stretch_pct",
-                "readout_ms",
-                "turn_deg_s",
-                "quality",
-            ),
-        },
     )
 
 

@@ -33,17 +33,6 @@ def render_frames(
     seed: Annotated[int, Meta(ge=0, le=2**31)] = 1,
     camera: str | None = None,
     calibration: File | None = None,
-    max_tilt_deg: Annotated[float, Meta(ge=0, le=80)] = 35.0,
-    reach: Annotated[float, Meta(ge=0.05, le=1, title="SHARE")] = 1.0,
-    blur_px: Annotated[float, Meta(ge=0, le=50)] = 0.8,
-    motion_px: Annotated[float, Meta(ge=0, le=200)] = 0.0,
-    noise: Annotated[float, Meta(ge=0, le=100, title="LEVELS")] = 2.0,
-    glare: Annotated[float, Meta(ge=0, le=100, title="LIGHT")] = 0.0,
-    bow_mm: Annotated[float, Meta(ge=-100, le=100)] = 0.0,
-    stretch_pct: Annotated[float, Meta(ge=-10, le=10)] = 0.0,
-    readout_ms: Annotated[float, Meta(ge=0, le=1000)] = 0.0,
-    turn_deg_s: Annotated[float, Meta(ge=-1000, le=1000, title="DEG/S")] = 0.0,
-    quality: Annotated[int, Meta(ge=1, le=95)] = 92,
     progress: Progress | None = None,
 ) -> Truth:
     """Render images of a board as a camera would take them, and write the truth to OUT/truth.json.
@@ -57,17 +46,6 @@ def render_frames(
         seed: the same seed, the same frames.
         camera: camera of the catalogue of which a unit is simulated, by its Model or name.
         calibration: calibration of the camera to simulate.
-        max_tilt_deg: largest tilt.
-        reach: share of the frame, around its middle, that the boards cover.
-        blur_px: standard deviation of the blur.
-        motion_px: motion along x while the shutter is open.
-        noise: standard deviation of the noise, of 255.
-        glare: brightness of a lamp's mirror image; 1 saturates.
-        bow_mm: distance of the board's middle behind its ends.
-        stretch_pct: by how much the print is too wide.
-        readout_ms: readout of a rolling shutter, first to last row.
-        turn_deg_s: speed of the camera's turn during the readout.
-        quality: of the JPEGs.
         progress: called with (images done, number of images, "frames").
 
     Raises:
@@ -78,7 +56,7 @@ def render_frames(
     from functools import partial
 
     from calibrary.calib.board import parse_board
-    from calibrary.calib.synthesis import Settings, Sheet, Shutter, Truth, poses
+    from calibrary.calib.synthesis import Settings, Truth, poses
     from calibrary.calib.synthesis.cameras import example_camera, head, unit_of
     from calibrary.calib.synthesis.files import check_empty, write_frames
     from calibrary.catalogue import camera_named
@@ -96,17 +74,8 @@ def render_frames(
         source = choose(read_file(path, Reading()), None, source=path.name, how=how)
     else:
         source = unit_of(known, seed) if known is not None else example_camera(seed)
-    settings = Settings(
-        sheet=Sheet.bowed(made, bow_mm, (1 + stretch_pct / 100, 1.0)),
-        shutter=Shutter(readout_s=readout_ms / 1000, rate_deg_s=(0.0, turn_deg_s, 0.0)),
-        blur_px=blur_px,
-        motion_px=(motion_px, 0.0),
-        noise=noise,
-        glare=glare,
-        quality=quality,
-    )
-    chosen = poses(made, source, frames, seed, max_tilt_deg=max_tilt_deg, reach=reach)
-    truth = Truth(board=made, calibration=source, poses=chosen, settings=settings)
+    chosen = poses(made, source, frames, seed)
+    truth = Truth(board=made, calibration=source, poses=chosen, settings=Settings())
     told = (lambda done: progress(done, len(chosen), "frames")) if progress is not None else None
     write_frames(Path(out), truth, seed, partial(head, source, known), told)
     return truth
