@@ -138,6 +138,7 @@ _HINTS: Final = get_type_hints(Provenance, include_extras=True)
 ABOUT: Final[Mapping[str, About]] = {name: _declared(_HINTS[name]) for name in Provenance.__struct_fields__}
 """What is declared about each field, in declared order."""
 
+
 HOW_MADE: Final = tuple(name for name, one in ABOUT.items() if not one.traces)
 """Fields that tell how the calibration was made; the others trace the file that K is from."""
 
@@ -147,13 +148,12 @@ def label(name: str) -> str:
     return ABOUT[name].label or name.replace("_", " ")
 
 
-def facts(made: Provenance, *, traced: bool = True, unknown: bool = False) -> tuple[tuple[str, str], ...]:
+def facts(made: Provenance, *, traced: bool = True) -> tuple[tuple[str, str], ...]:
     """Return the fields that pages list as (name, text), in declared order.
 
     Args:
         made: the provenance.
         traced: include the fields that trace the file K is from.
-        unknown: list as "unknown" what is not stated of how the calibration was made, instead of omitting it.
     """
     found = []
     for name, one in ABOUT.items():
@@ -165,6 +165,4 @@ def facts(made: Provenance, *, traced: bool = True, unknown: bool = False) -> tu
         if value:
             text = "; ".join(map(str, value)) if isinstance(value, tuple) else str(value)
             found.append((label(name), text))
-        elif unknown and not one.traces:
-            found.append((label(name), "unknown"))
     return tuple(found)

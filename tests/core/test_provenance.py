@@ -18,7 +18,7 @@ from calibrary.jobs.site.building import entry_files
 from calibrary.jobs.site.folder import Place
 from calibrary.pages import render_page
 from calibrary.parsers.format import STATED
-from calibrary.provenance import ABOUT, HOW_MADE, Provenance, SourceFile, facts, label
+from calibrary.provenance import ABOUT, HOW_MADE, Provenance, SourceFile, facts
 from calibrary.records import replace
 from calibrary.registry.fields import entry_row, entry_rows, known_fields
 from calibrary.registry.query import find_field, parse_where, select
@@ -122,7 +122,6 @@ def test_a_calibration_file_may_state_how_it_was_made() -> None:
     assert {*STATED} == {*HOW_MADE} - {"firmware"}
 
 
-def test_what_is_not_stated_is_unknown_only_of_how_a_calibration_was_made() -> None:
+def test_what_is_not_stated_is_not_shown() -> None:
     assert facts(Provenance(kind="seed")) == (("source", "seed"),)
-    unknown = facts(Provenance(kind="seed"), traced=False, unknown=True)
-    assert unknown == tuple((label(name), "unknown") for name in HOW_MADE)
+    assert facts(Provenance(kind="seed"), traced=False) == ()

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from calibrary.cli.commands import add_json_flag, add_table_flag, check_table_flag, write_table
-from calibrary.cli.flags import add_flags, call
+from calibrary.cli.flags import add_flags, call, help_group
 from calibrary.errors import InputError
 from calibrary.jobs.extract import extract
 
@@ -34,26 +34,23 @@ Pictures that no camera took, such as a preview or a map, are skipped with a lin
 """
 
 
+SOURCE_DOCUMENT = "flags of the source document"
 GROUPS = {
     "which images": ("recursive", "workers", "cluster"),
-    "limits that K is checked against": (
-        "policy",
-        "max_focal_deviation_pct",
-        "principal_point_tolerance",
-        "verify",
-        "strict_validation",
+    "limits that K is checked against": ("policy", "verify"),
+    "what is known of the cameras": ("sensor", "registry", "locked"),
+    "what is written": (
+        *("to", "database", "task", "copy_images", "drop_distortion"),
+        *("html", "list_images", "dry_run"),
     ),
-    "what is known of the cameras": (
-        "sensor",
+    SOURCE_DOCUMENT: (
         "sensor_width_mm",
         "sensor_height_mm",
-        "registry",
-        "locked",
+        "max_focal_deviation_pct",
+        "principal_point_tolerance",
         "fallback_k",
-    ),
-    "what is written": (
-        *("out", "to", "database", "task", "copy_images", "drop_distortion"),
-        *("html", "job", "operator", "list_images", "dry_run"),
+        "out",
+        "strict_validation",
     ),
 }
 SPELLED = {
@@ -72,7 +69,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="read the images, folders and URLs that FILE lists, one on each line; - is standard input",
     )
-    images.add_argument("--image-dir", metavar="DIR", help="same as DIR, as a flag (default: ./input/)")
     add_flags(
         parser,
         extract,
@@ -81,6 +77,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         spelled=SPELLED,
         without=["lines"],
         bare={"locked": "calibrary.lock"},
+    )
+    help_group(parser, SOURCE_DOCUMENT).add_argument(
+        "--image-dir", metavar="DIR", help="same as DIR, as a flag (default: ./input/)"
     )
     parser.set_defaults(out="K_matrix.npy")
     parser.add_argument(

@@ -131,7 +131,7 @@ def add_flags(  # noqa: PLR0913  one for each thing that a signature cannot say
     for flag in sorted(flags.values(), key=lambda one: _order(one, titles)):
         if any(flag.name == action.dest for action in parser._actions):
             continue  # two jobs of one command, or two structs, share it
-        place: argparse._ActionsContainer = _group(parser, titles.get(flag.name, flag.group))
+        place: argparse._ActionsContainer = help_group(parser, titles.get(flag.name, flag.group))
         for names in exclusive:
             if flag.name in names:
                 if names[0] not in among:  # an empty group would break the help text
@@ -245,7 +245,8 @@ def _spelled(name: str) -> str:
     return "--" + name.strip("_").replace("_", "-")
 
 
-def _group(parser: argparse.ArgumentParser, title: str | None) -> argparse._ActionsContainer:
+def help_group(parser: argparse.ArgumentParser, title: str | None) -> argparse._ActionsContainer:
+    """Return the group of flags with a title, made if there is none yet; the parser for no title."""
     if title is None:
         return parser
     for group in parser._action_groups:

@@ -372,7 +372,7 @@ class Page(Struct, frozen=True, kw_only=True):
         lead: the result in one or two sentences.
         sections: the parts of the page.
         badge: the verdict, next to the title.
-        facts: what the page is about, below the lead: job, folder, date, operator.
+        facts: what the page is about, below the lead: folder, days, date.
         made_by: footer: the program that made the page, and its source.
         contents: whether a table of contents precedes three sections or more; False if the page has its own.
         refresh_s: seconds after which a browser reloads the page; None for a page that does not change.

@@ -78,9 +78,9 @@ def sentence(text: str) -> str:
 UNPROVEN: Final = sentence(UNPROVEN_LEGEND)
 
 
-def or_unknown(value: object) -> str:
-    """The value as text; "unknown" for None or empty text."""
-    return "unknown" if value is None or value == "" else str(value)
+def known(*items: tuple[str, object]) -> tuple[tuple[str, str], ...]:
+    """The items with a value, as text; the others are not shown."""
+    return tuple((name, str(value)) for name, value in items if value is not None)
 
 
 def several(names: Iterable[str]) -> str:

@@ -11,7 +11,7 @@ import pytest
 
 from calibrary.jobs.extract import page as page_module
 from calibrary.jobs.extract.outputs import plan
-from calibrary.jobs.extract.page import JobFacts, report_page
+from calibrary.jobs.extract.page import report_page
 from calibrary.jobs.extract.report import ExtractReport
 from calibrary.jobs.images.folders import SkippedFile
 from calibrary.pages import (
@@ -162,26 +162,13 @@ def test_what_to_do_first_names_each_camera_without_a_valid_k_and_the_images_tha
     assert targets <= {one.anchor for one in page.sections}
 
 
-def test_job_folder_date_and_operator_are_at_the_top_and_what_is_not_known_is_unknown(
+def test_folder_and_days_are_at_the_top_as_far_as_they_are_known(
     outcome: ExtractReport, page: Page, tmp_path: Path
 ) -> None:
-    assert dict(page.facts) == {
-        "job": "unknown",
-        "folder": "flight",
-        "flown": "unknown",
-        "checked on": "unknown",
-        "operator": "unknown",
-    }
-    about = JobFacts(job="Quarry", operator="A. Pilot", checked=date(2026, 5, 2))
+    assert page.facts == (("folder", "flight"),)
     flown = replace(outcome, days=(date(2026, 4, 30), date(2026, 5, 1)))
-    stated = report_page(plan(flown, tmp_path / "K_matrix.npy", None), about)
-    assert [value for _, value in stated.facts] == [
-        "Quarry",
-        "flight",
-        "2026-04-30 to 2026-05-01",
-        "2026-05-02",
-        "A. Pilot",
-    ]
+    stated = report_page(plan(flown, tmp_path / "K_matrix.npy", None), date(2026, 5, 2))
+    assert [value for _, value in stated.facts] == ["flight", "2026-04-30 to 2026-05-01", "2026-05-02"]
 
 
 def test_the_days_of_a_flight_are_read_when_they_are_asked_for(tmp_path: Path) -> None:

@@ -41,9 +41,9 @@ from calibrary.pages.wording import (
     SEVERITIES,
     count,
     cut_table,
+    known,
     made_by,
     minus,
-    or_unknown,
     sentence,
     several,
 )
@@ -106,9 +106,9 @@ def audit_page(done: AuditReport) -> Page:
         badge=BADGES[done.verdict],
         lead=f"{count(done.images, 'image')} of {count(len(done.flights), 'flight')} compared with "
         f"{count(done.entries, 'entry', 'entries')} of the registry: {', '.join(levels)}.",
-        facts=(
+        facts=known(
             ("images in", several(Path(folder).name or folder for folder in done.folders)),
-            ("flown", or_unknown(_days(min(days, default=None), max(days, default=None)))),
+            ("flown", _days(min(days, default=None), max(days, default=None))),
             (
                 "registry at",
                 f"commit {done.commit[:12]}" if done.commit is not None else "a folder without git",

@@ -64,7 +64,7 @@ def calibration_page(report: CalibrateReport, detections: Detections) -> Page:
         badge=OUTCOMES[report.verdict],
         lead=f"From {len(used)} of {shown} {report.shots} of {report.target}, reprojection error (RMS) "
         f"{rms}. {FLIGHT_REFUSED if refused_flight else LEADS[report.verdict]}",
-        facts=facts(report.calibration.provenance, traced=False, unknown=True),
+        facts=facts(report.calibration.provenance, traced=False),
         sections=tuple(_sections(report, detections)),
         made_by=f"Made by {versions}.",
     )
@@ -327,7 +327,7 @@ def _origin(report: CalibrateReport, detections: Detections) -> Iterator[Block]:
         "camera": str(key),
         "unit": f"serial number hashed to {key.serial}" if key.serial is not None else None,
         **dict(facts(made, traced=False)),
-        label("date"): f"{made.date or 'unknown'}, {report.date_origin}",
+        label("date"): f"{made.date}, {report.date_origin}" if made.date is not None else report.date_origin,
         label("focus"): made.focus or f"not stated by the {image}s",
         "points" if of_flight else "board": report.board.described
         if report.board is not None

@@ -36,7 +36,7 @@ from calibrary.pages import (
     Table,
     Tone,
 )
-from calibrary.pages.wording import count, distortion_blocks, intrinsics_items, made_by, or_unknown
+from calibrary.pages.wording import count, distortion_blocks, intrinsics_items, made_by
 from calibrary.provenance import facts
 from calibrary.registry.git.writing import identity
 from calibrary.registry.paths import PROPOSED
@@ -101,7 +101,7 @@ def queue(fleet: Fleet, said: Sequence[Section] = ()) -> Page:
     mine = sum(one.yours for one in found.matters)
     return desk_page(
         title="Review",
-        lead=f"{count(mine, 'matter')} for {or_unknown(found.person)}, {len(found.matters) - mine} for others or "
+        lead=f"{count(mine, 'matter')} for {found.person or 'unknown'}, {len(found.matters) - mine} for others or "
         f"later; {count(found.entries, 'entry', 'entries')} at commit {(found.commit or '')[:12]}.",
         sections=tuple(sections),
     )

@@ -84,8 +84,8 @@ def _of_each(comparison: DiffReport) -> Iterator[tuple[str, Cell]]:
         yield letter, side.label
     a, b = (dict(facts(side.calibration.provenance, traced=False)) for side in sides)
     for name in dict.fromkeys([*a, *b]):
-        of_a, of_b = a.get(name, "unknown"), b.get(name, "unknown")
-        yield name, f"A and B: {of_a}" if of_a == of_b else f"A: {of_a}; B: {of_b}"
+        stated = [f"{letter}: {of[name]}" for letter, of in (("A", a), ("B", b)) if name in of]
+        yield name, f"A and B: {a[name]}" if a.get(name) == b.get(name) else "; ".join(stated)
 
 
 def comparison_sections(comparison: DiffReport, altitude_m: float) -> tuple[Section, ...]:

@@ -55,8 +55,6 @@ def extract(
     drop_distortion: bool = False,
     copy_images: bool = False,
     html: File | None = None,
-    job: str | None = None,
-    operator: str | None = None,
     list_images: bool = False,
     dry_run: bool = False,
     progress: Progress | None = None,
@@ -97,8 +95,6 @@ def extract(
         drop_distortion: with ``to``: hand a K whose distortion is unknown to a program that takes it for none, too.
         copy_images: with ``task``: copy the images, do not link.
         html: also write the report as a page.
-        job: with ``html``: the job, at the top of the page.
-        operator: with ``html``: the operator, at the top of the page.
         list_images: name every image in the report; without it, the report of more than 10 000 images names only a few,
             unless a program needs them all.
         dry_run: judge everything and write nothing.
@@ -130,7 +126,6 @@ def extract(
         copy_images=copy_images,
         drop_distortion=drop_distortion,
         html=html,
-        about=(job, operator),
     )
     given = [images] if isinstance(images, str | Path) else images
     outcome = run(

@@ -55,8 +55,6 @@ class Wanted(Struct, frozen=True, kw_only=True):
     copy_images: bool = False
     drop_distortion: bool = False
     html: Path | None = None
-    job: str | None = None
-    operator: str | None = None
 
     @classmethod
     def checked(
@@ -69,15 +67,13 @@ class Wanted(Struct, frozen=True, kw_only=True):
         copy_images: bool,
         drop_distortion: bool,
         html: str | Path | None,
-        about: tuple[str | None, str | None],
     ) -> Wanted:
-        """Check before the images are read that all of it can be written; ``about`` is the job and its operator.
+        """Check before the images are read that all of it can be written.
 
         Raises:
             UsageError: an argument lacks the one that it belongs to.
             InputError: a file must not be replaced, or its folder is not writable.
         """
-        job, operator = about
         target = TARGETS.get(to) if to is not None else None
         with_database = [name for name, one in TARGETS.items() if one.database]
         with_task = [name for name, one in TARGETS.items() if one.datasets is not None]
@@ -90,7 +86,6 @@ class Wanted(Struct, frozen=True, kw_only=True):
             (task and not (target and target.datasets), f"--task is for --to {_either(with_task)}"),
             (copy_images and not task, "--copy-images is for --task DIR"),
             (drop_distortion and not to, "--drop-distortion is for --to PROGRAM"),
-            ((job or operator) and not html, "--job and --operator are for --html"),
         ):
             if is_bad:
                 raise UsageError(complaint)
@@ -106,8 +101,6 @@ class Wanted(Struct, frozen=True, kw_only=True):
             copy_images=copy_images,
             drop_distortion=drop_distortion,
             html=check_page_place(html),
-            job=job,
-            operator=operator,
         )
 
     def written(self, found: ExtractReport, *, dry_run: bool) -> ExtractReport:
@@ -125,11 +118,11 @@ class Wanted(Struct, frozen=True, kw_only=True):
         )
         planned = report.outputs
         if self.html is not None:
-            from calibrary.jobs.extract.page import JobFacts, report_page  # noqa: PLC0415  draws with matplotlib
+            from calibrary.jobs.extract.page import report_page  # noqa: PLC0415  draws with matplotlib
             from calibrary.pages import render_page  # noqa: PLC0415  as above
 
-            about = JobFacts(job=self.job, operator=self.operator, checked=datetime.now(UTC).date())
-            planned.files[self.html] = render_page(report_page(report, about)).encode()
+            page = report_page(report, datetime.now(UTC).date())
+            planned.files[self.html] = render_page(page).encode()
         if not dry_run:
             if planned.task is not None:
                 lay_out(planned.task)

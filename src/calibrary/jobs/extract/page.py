@@ -6,8 +6,6 @@ from collections.abc import Iterator, Sequence
 from datetime import date
 from typing import Final
 
-from msgspec import Struct
-
 from calibrary.calibration import Calibration, Grade
 from calibrary.evidence.context import SourceEstimate
 from calibrary.jobs.extract.cameras import StateDocument
@@ -42,9 +40,9 @@ from calibrary.pages.wording import (
     cut_table,
     distortion_blocks,
     intrinsics_items,
+    known,
     made_by,
     minus,
-    or_unknown,
     several,
 )
 from calibrary.policy import Policy
@@ -58,23 +56,8 @@ MOST_CAMERAS: Final = 500
 MOST_DUE: Final = 100
 
 
-class JobFacts(Struct, frozen=True, kw_only=True):
-    """Facts for the page that the images do not state; None is printed as unknown.
-
-    Attributes:
-        job: name or number of the job.
-        operator: person who flew it or is responsible for it.
-        checked: date of the run.
-    """
-
-    job: str | None = None
-    operator: str | None = None
-    checked: date | None = None
-
-
-def report_page(found: ExtractReport, about: JobFacts | None = None) -> Page:
-    """Make the page of a run."""
-    about = about or JobFacts()
+def report_page(found: ExtractReport, checked: date | None = None) -> Page:
+    """Make the page of a run on a day."""
     # Cameras that need attention come first, because a page is read from the top.
     cameras = sorted(found.judged, key=lambda c: -list(Verdict).index(c.verdict))
     shown = cameras[:MOST_CAMERAS]
@@ -91,12 +74,10 @@ def report_page(found: ExtractReport, about: JobFacts | None = None) -> Page:
         badge=Badge("every K is valid", Tone.GOOD) if good else Badge("needs attention", Tone.BAD),
         lead=f"{verdicts[0].upper()}{verdicts[1:]}, judged by the {found.policy} policy. "
         "Only a valid K is handed to a solver.",
-        facts=(
-            ("job", or_unknown(about.job)),
-            ("folder", or_unknown(several(found.places) if found.places else None)),
-            ("flown", or_unknown(_days(found.days))),
-            ("checked on", or_unknown(about.checked)),
-            ("operator", or_unknown(about.operator)),
+        facts=known(
+            ("folder", several(found.places) if found.places else None),
+            ("flown", _days(found.days)),
+            ("checked on", checked),
         ),
         sections=tuple(sections),
         # The overview links to every camera.

@@ -204,7 +204,7 @@ def _entry(entry: ProposedEntry, one: CameraDecision) -> Iterator[Block]:
         ("grade", calibration.grade.value),
         *intrinsics_items(calibration),
         ("status", status),
-        *facts(calibration.provenance, traced=False, unknown=True),
+        *facts(calibration.provenance, traced=False),
     ]
     yield KeyValues(tuple(items))
     if calibration.distortion is not None and calibration.distortion.coefficients:

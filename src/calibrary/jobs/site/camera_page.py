@@ -625,7 +625,7 @@ def _provenance(entry: Entry) -> Iterator[Block]:
     calibration = entry.calibration
     made, camera = calibration.provenance, calibration.camera
     stated = (
-        *(facts(made, unknown=True) if made != UNSTATED else (("source", "not stated"),)),
+        *(facts(made) if made != UNSTATED else (("source", "not stated"),)),
         ("for firmware", str(entry.firmware) if entry.firmware is not None else None),
         ("valid", str(entry.validity) if entry.validity is not None else None),
         ("tolerance", f"± {entry.tolerance:.2%} of fx" if entry.tolerance is not None else None),
