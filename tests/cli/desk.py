@@ -23,7 +23,7 @@ from tests.pages.sketches import sketched
 
 KEY = "--make DJI --model FC6310R"
 COMMANDS: dict[str, tuple[int, str]] = {
-    "registry init new/fleet --yes": (0, "registry.yaml"),
+    "registry init new/fleet": (0, "registry.yaml"),
     "extract survey --output-matrix new/k/K_matrix.npy --html new/p/survey.html": (
         1,
         "FC6310R unproven valid",
@@ -57,7 +57,6 @@ COMMANDS: dict[str, tuple[int, str]] = {
     "registry show fc6310r/5472 --diff HEAD~3": (0, "intrinsics.fx"),
     "registry log": (0, "dji/fc6310r/5472x3648"),
     "registry log fc6310r/5472": (0, "maker"),
-    "registry log fc6310r/5472 --fields": (0, "intrinsics.fx 3730.0"),
     f"registry resolve {KEY} --image-size 5472x3648": (0, "3730.0"),
     "registry check": (0, "good"),
     "registry audit survey --html new/a/audit.html": (1, "attention"),

@@ -118,7 +118,7 @@ REFUSED = {
     ),
     4: (
         "extract survey --registry nowhere",
-        "registry init new/fleet --yes",
+        "registry init new/fleet",
         "registry approve fc6310r/5472 --digest 000000 --reason x",
         "registry hold nothing --reason x",
         "registry list --registry nowhere",
