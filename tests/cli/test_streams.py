@@ -23,7 +23,6 @@ READING = (
     "registry show fc6310r/5472 --diff HEAD~7",
     "registry log",
     "registry log fc6310r/5472",
-    "registry log fc6310r/5472 --fields",
     "registry resolve --make DJI --model FC6310R --image-size 5472x3648",
     "registry check",
     "registry audit survey",
@@ -57,7 +56,6 @@ VERDICTS = {
 ROWS = {
     "registry list": r"^dji/fc6310r/4864x3648 .* 2427\.50 +1831\.25$",
     "registry log": r"^[0-9a-f]{10} .* looked at it for a long while, over the test field in May$",
-    "registry log fc6310r/5472 --fields": r"^provenance\.sha256 +[0-9a-f]{64} .* the lens was sent to the maker",
     "catalogue": r"^.*FC6310R.*$",
 }
 """Commands with a wide table, and a row of it."""
