@@ -344,7 +344,7 @@ def _crc(oid: str, packed: bytes) -> int:
     return crc32(packed, crc32(oid.encode()))
 
 
-VERSION: Final = f"4 {' '.join(Entry.__struct_fields__)}"
+VERSION: Final = f"5 {' '.join(Entry.__struct_fields__)}"
 """Version of the stored form; an index with another version is rebuilt."""
 BLOCK: Final = 500
 

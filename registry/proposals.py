@@ -362,6 +362,20 @@ def change_report(place: Path, proposals: Proposals, written: Written | None) ->
     )
 
 
+def require_digest(text: str) -> str:
+    """Return the beginning of a digest in lower case.
+
+    Raises:
+        RegistryError: it is none.
+    """
+    if SHORT_DIGEST.fullmatch(text.lower()) is None:
+        raise RegistryError(
+            f"{text!r:.60} is not a digest: expected at least 8 hexadecimal digits, as 'calibrary registry add' "
+            "prints them"
+        )
+    return text.lower()
+
+
 def require_digests(proposals: Proposals, digests: Sequence[str]) -> None:
     """Check that what is approved, held or retired is what was looked at.
 
@@ -372,12 +386,7 @@ def require_digests(proposals: Proposals, digests: Sequence[str]) -> None:
     Raises:
         RegistryError: a proposal matches no digest, or a digest matches no proposal.
     """
-    left = {text.lower() for text in digests}
-    if wrong := next((text for text in sorted(left) if SHORT_DIGEST.fullmatch(text) is None), None):
-        raise RegistryError(
-            f"{wrong!r:.60} is not a digest: expected at least 8 hexadecimal digits, as 'calibrary registry add' "
-            "prints them"
-        )
+    left = {require_digest(text) for text in digests}
     for one in proposals.due:
         if (seen := one.decided) is None:
             continue

@@ -5,7 +5,7 @@ from __future__ import annotations
 from calibrary.errors import RegistryError
 from calibrary.registry.configuration import UNPROVEN, RuleSet, parse_configuration
 from calibrary.registry.places import CONFIGURATION_FILE
-from calibrary.registry.proposals import ChangeReport, Note, write_changes
+from calibrary.registry.proposals import ChangeReport, Note, require_digest, write_changes
 from calibrary.registry.registry import Registry
 from calibrary.registry.sshsig import fingerprint, key_blob
 from calibrary.registry.stating import state_rules
@@ -42,7 +42,7 @@ def rules_text(rules: RuleSet) -> str:
 def approve_rules(registry: Registry, digest: str, reason: str | None) -> ChangeReport:
     """Put in force what ``registry.yaml`` asks for; see :meth:`calibrary.Fleet.approve_rules`."""
     rules, oid = stated_rules(registry)
-    if not oid.startswith(digest.lower()):
+    if not oid.startswith(require_digest(digest)):
         raise RegistryError(
             f"nothing was written: registry.yaml now has the digest {oid[:12]}; look at that one"
         )

@@ -11,7 +11,7 @@ import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from datetime import date
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any
@@ -48,13 +48,16 @@ from calibrary.registry.paths import (
 )
 from calibrary.registry.resolution import RegistryIndex, Resolution, is_keyed
 from calibrary.registry.standing import Book, Standing, label_subject, standing_of
-from calibrary.registry.statements import RULES, content_of, subject_of
+from calibrary.registry.statements import RULES, subject_of
 
 MOST_INDICES = 256
 """Models of which the entries stay in memory."""
 
 AT_ONCE = 500
 """Number of files of which the contents are held in memory."""
+
+FOLLOWED = "rules followed"
+"""What a reader keeps the ids of the rules by that it has seen in force."""
 
 MANY = 200
 """Number of entries from which all statements are read at once."""
@@ -213,9 +216,11 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
             RegistryError: the registry has none, or not one foundation.
         """
         repo, commit = self.require_git("has no statements")
-        found = Book(repo, commit, known=self._founded_as)
-        if self._is_tip and self._founded_as is None:
-            self.contents.file.remember(self._ref, {RULES: [found.rulebook.foundation]})
+        followed = self.contents.seen(self._ref, [FOLLOWED]).get(FOLLOWED, ()) if self._is_tip else ()
+        found = Book(repo, commit, known=self._founded_as, followed=followed)
+        if self._is_tip and found.rulebook.current not in followed:
+            rules = {RULES: [found.rulebook.foundation], FOLLOWED: [*found.rulebook.epochs]}
+            self.contents.file.remember(self._ref, rules)
         return found
 
     @cached_property
@@ -252,7 +257,6 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
                 subject,
                 statements,
                 expected=known.get(subject, ()),
-                have=partial(content_of, entry) if entry is not None else lambda: None,
             )
             found[path] = standing_of(book, repo, path, entry, in_force)
             if in_force.problem is None:

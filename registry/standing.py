@@ -9,7 +9,7 @@ what is in force, and a remark.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from datetime import date, timedelta
 from typing import Final
 
@@ -38,6 +38,7 @@ from calibrary.registry.statements import (
 )
 
 ENDING: Final = frozenset({"retire", "hold"})
+FORMER: Final = "was made under former rules, by a key of nobody in those in force"
 MOST: Final = 10_000
 """Statements on one subject that are read; a person makes one at a time."""
 UNREAD: Final = "its file cannot be read"
@@ -82,9 +83,15 @@ class Epoch(Struct, frozen=True, kw_only=True):
         return f"is signed by {one.key}, a key of nobody in the rules"
 
     def may_approve(self, one: Signed) -> bool:
-        """Return whether the person of a statement is among those asked for."""
+        """Return whether the person of a statement is among those asked for; where people have keys, by their key."""
+        if self.rules.is_signed:
+            return not self.rules.approvals.by or self.person_of(one) in self.rules.approvals.by
         by = {*map(str.lower, self.rules.approvals.by)}
         return not by or bool({one.body.person.lower(), one.body.email.lower()} & by)
+
+    def suffice(self, changes: Iterable[Signed]) -> bool:
+        """Return whether enough different people made statements that change the rules."""
+        return len({self.person_of(one) for one in changes}) >= self.rules.approvals.count
 
     def is_enough(self, approvals: Iterable[Signed], proposers: Collection[str]) -> bool:
         """Return whether approvals of one content suffice; ``proposers`` are the people who proposed it."""
@@ -132,15 +139,19 @@ class Rulebook(Struct, frozen=True, kw_only=True):
         return self.epochs[self.current]
 
     @classmethod
-    def of(cls, statements: Sequence[Signed | Broken], known: str | None) -> Rulebook:
+    def of(
+        cls, statements: Sequence[Signed | Broken], known: str | None, followed: Collection[str] = ()
+    ) -> Rulebook:
         """Follow the changes of the rules.
 
         Args:
             statements: those whose subject is the rules.
             known: id of the foundation, if this reader has seen it before.
+            followed: ids of the rules that this reader has seen in force.
 
         Raises:
-            RegistryError: there is not exactly one foundation, or its rules are not valid.
+            RegistryError: there is not exactly one foundation, its rules are not valid, or nobody can say which of two
+                changes counts.
         """
         problems = [(one.path, one.why) for one in statements if isinstance(one, Broken)]
         good = [one for one in statements if isinstance(one, Signed)]
@@ -163,12 +174,12 @@ class Rulebook(Struct, frozen=True, kw_only=True):
         except InputError as error:
             raise RegistryError(f"{_path(founding)}: {error}") from None
         epochs, current = {}, state_after("", founding.body)
-        changes = [one for one in good if one.body.action == "rules"]
+        changes = Chain([one for one in good if one.body.action == "rules"])
         waiting: list[tuple[Body, int]] = []
         while True:
             epoch = Epoch.of(rules)
             epochs[current] = epoch
-            found = _change(current, epoch, changes, founding.id)
+            found = _change(current, epoch, changes, founding.id, followed)
             problems += found.problems
             if found.body is None or found.rules is None:
                 waiting = [*found.waiting]
@@ -199,10 +210,12 @@ class _Change(Struct, frozen=True, kw_only=True):
     waiting: tuple[tuple[Body, int], ...] = ()
 
 
-def _change(current: str, epoch: Epoch, changes: Iterable[Signed], foundation: str) -> _Change:
+def _change(
+    current: str, epoch: Epoch, changes: Chain, foundation: str, followed: Collection[str]
+) -> _Change:
     """Return the change of some rules that has enough approvals under them."""
-    problems, people, bodies = [], dict[str, set[str]](), dict[str, Body]()
-    for one in changes:
+    problems, signed, terms = [], dict[str, list[Signed]](), dict[str, RuleSet]()
+    for one in changes.all.values():
         if one.body.rules != current:
             continue
         person = epoch.person_of(one)
@@ -211,20 +224,68 @@ def _change(current: str, epoch: Epoch, changes: Iterable[Signed], foundation: s
         elif person is None or not epoch.may_approve(one):
             problems.append((_path(one), epoch.why_not(one) or f"is by {person}, who does not approve here"))
         else:
-            after = state_after(current, one.body)
-            people.setdefault(after, set()).add(person)
-            bodies[after] = one.body
-    enough = [after for after, who in people.items() if len(who) >= epoch.rules.approvals.count]
-    waiting = tuple((bodies[after], len(who)) for after, who in people.items() if after not in enough)
-    if len(enough) > 1:
-        problems.append((f"{STATEMENTS}{RULES}", "two changes of the rules at the same time: neither counts"))
-    if len(enough) == 1:
+            signed.setdefault(state_after(current, one.body), []).append(one)
+    enough = {after: those for after, those in signed.items() if epoch.suffice(those)}
+    waiting = tuple(
+        (those[0].body, len({*map(epoch.person_of, those)}))
+        for after, those in signed.items()
+        if after not in enough
+    )
+    for after, those in enough.items():
         try:
-            body = bodies[enough[0]]
-            return _Change(body=body, rules=rule_set(body), problems=tuple(problems))
+            terms[after] = rule_set(those[0].body)
         except InputError as error:
             problems.append((f"{STATEMENTS}{RULES}", f"a change of the rules has no effect: {error}"))
+    standing = [after for after in terms if after in followed]
+    if len(standing) != 1:
+        standing = _standing(epoch, {after: (enough[after], terms[after]) for after in terms}, changes)
+    if len(standing) > 1:
+        problems.append((f"{STATEMENTS}{RULES}", BOTH))
+    if len(standing) == 1:
+        body, rules = enough[standing[0]][0].body, terms[standing[0]]
+        return _Change(body=body, rules=rules, problems=tuple(problems))
     return _Change(problems=tuple(problems), waiting=waiting)
+
+
+BOTH: Final = (
+    "two changes of the rules at the same time: neither counts until a third is made that knows both ('calibrary "
+    "registry approve registry.yaml')"
+)
+
+
+def _standing(
+    epoch: Epoch, changes: Mapping[str, tuple[Sequence[Signed], RuleSet]], chain: Chain
+) -> list[str]:
+    """Return those of some changes of the same rules, each with enough approvals, that count beside the others.
+
+    A change counts if its approvals suffice without the keys that another one takes out, so that nobody who is taken
+    out forbids it; and if no other was approved by enough people who knew it.
+
+    Raises:
+        RegistryError: there are changes, and none of them counts.
+    """
+
+    def is_known_to(after: str, other: str) -> bool:
+        own = {one.id for one in changes[after][0]}
+        return epoch.suffice([one for one in changes[other][0] if own <= chain.before(one.id)])
+
+    left = [after for after in changes if not any(is_known_to(after, other) for other in changes)]
+    gone = {after: epoch.owners.keys() - rules.owners.keys() for after, (_, rules) in changes.items()}
+    standing = [
+        after
+        for after in left
+        if all(
+            epoch.suffice([one for one in changes[after][0] if one.key not in gone[other]])
+            for other in changes.keys() - {after}
+        )
+    ]
+    if changes and not standing:
+        paths = sorted(_path(those[0]) for those, _ in changes.values())
+        raise RegistryError(
+            f"{' and '.join(paths)}: changes of the rules take out each other's signers; nobody can say who decides: "
+            f"'git log -- {STATEMENTS}{RULES}' shows who made them; remove the file of the wrong one"
+        )
+    return standing
 
 
 class Adopted(Struct, frozen=True, kw_only=True):
@@ -308,13 +369,16 @@ class Book:
         rulebook: the rules.
     """
 
-    def __init__(self, repo: Repository, commit: str, *, known: str | None = None) -> None:
+    def __init__(
+        self, repo: Repository, commit: str, *, known: str | None = None, followed: Collection[str] = ()
+    ) -> None:
         """Read the rules.
 
         Args:
             repo: repository of the registry.
             commit: 40 hexadecimal digits.
             known: id of the foundation, if this reader has seen it before.
+            followed: ids of the rules that this reader has seen in force.
 
         Raises:
             RegistryError: the foundation is missing, or is not one.
@@ -322,15 +386,18 @@ class Book:
         self._repo, self._commit = repo, commit
         self._parts: dict[str, dict[str, list[str]] | None] = {}
         self._every: Mapping[str, list[Signed | Broken]] | None = None
-        self.rulebook: Final = Rulebook.of(self.statements(RULES), known)
+        self.rulebook: Final = Rulebook.of(self.statements(RULES), known, followed)
 
     def statements(self, subject: str) -> list[Signed | Broken]:
         """Return the statements on one subject."""
         if self._every is not None and subject != RULES:
-            return self._every.get(subject, [])[:MOST]
+            found = self._every.get(subject, [])
+            return found if len(found) <= MOST else [_too_many(subject, len(found))]
         files = self._repo.listing(self._commit, f"{STATEMENTS}{subject}")
         own = {path: oid for path, oid in files.items() if path.count("/") == subject.count("/") + 2}
-        return [*self._read({path: own[path] for path in sorted(own)[:MOST]})]
+        if len(own) > MOST:
+            return [_too_many(subject, len(own))]
+        return [*self._read({path: own[path] for path in sorted(own)})]
 
     def _read(self, files: Mapping[str, str]) -> Iterator[Signed | Broken]:
         try:
@@ -366,11 +433,15 @@ class Book:
             return "was made under rules that were never in force here"
         if (why := epoch.why_not(one)) is not None:
             return why
-        if epoch.closed is None or one.body.action in ENDING:
+        if epoch.closed is None or one.id in {
+            line.split()[0] for line in self._lines(epoch.closed, one.subject)
+        }:
             return None
-        if one.id in {line.split()[0] for line in self._lines(epoch.closed, one.subject)}:
-            return None
-        return "was made under former rules, and not known when they ended"
+        if one.body.action not in ENDING:
+            return "was made under former rules, and not known when they ended"
+        if self.rulebook.epoch.rules.is_signed and one.key not in self.rulebook.epoch.owners:
+            return FORMER
+        return None
 
     def _lines(self, ledger: Mapping[str, str], subject: str) -> list[str]:
         """Return what a list says of a subject.
@@ -408,7 +479,6 @@ class Book:
         statements: Iterable[Signed | Broken] | None = None,
         *,
         expected: Collection[str] = (),
-        have: Callable[[], str | None] = lambda: None,
     ) -> InForce:
         """Return what is in force of an entry.
 
@@ -416,17 +486,14 @@ class Book:
             subject: subject of the entry.
             statements: statements on it; by default those at this commit.
             expected: ids of statements that this reader has seen before.
-            have: returns the content of its file, which decides between two that were approved at the same time.
         """
         chain = Chain(self.statements(subject) if statements is None else [*statements])
         try:
-            return self._in_force(subject, chain, expected, have)
+            return self._in_force(subject, chain, expected)
         except RegistryError as error:
             return InForce(problem=str(error))
 
-    def _in_force(
-        self, subject: str, chain: Chain, expected: Collection[str], have: Callable[[], str | None]
-    ) -> InForce:
+    def _in_force(self, subject: str, chain: Chain, expected: Collection[str]) -> InForce:
         if (problem := self._problem(chain, expected)) is not None:
             return InForce(problem=problem)
         counting = [one for one in chain.in_order() if self.why_not(one) is None]
@@ -435,7 +502,7 @@ class Book:
         sealed = {line.split()[0] for ledger in closed for line in self._lines(ledger, subject)}
         if gone := sealed - chain.all.keys():
             return InForce(problem=f"statement {min(gone)} on it is missing; git revert restores it")
-        return _Ledger(chain, counting, adopted, self.rulebook).in_force(have)
+        return _Ledger(chain, counting, adopted, self.rulebook).in_force()
 
     def _problem(self, chain: Chain, expected: Collection[str]) -> str | None:
         if gone := {*expected} - chain.all.keys() - {one.id for one in chain.broken}:
@@ -456,7 +523,7 @@ class Book:
                 )
                 return f"{what} is damaged: {one.path} {one.why}; git revert restores it"
         for signed in chain.all.values():
-            if signed.body.action in ENDING and (why := self.why_not(signed)) is not None:
+            if signed.body.action in ENDING and (why := self.why_not(signed)) not in {None, FORMER}:
                 return (
                     f"somebody states that it is to {signed.body.action}, and that statement {why}: "
                     f"{_path(signed)}; sign it or remove it"
@@ -487,6 +554,10 @@ class Book:
 
 
 _NOT_ENTRIES: Final = (f"{STATEMENTS}{RULES}/", f"{STATEMENTS}closed/")
+
+
+def _too_many(subject: str, number: int) -> Broken:
+    return Broken(path=f"{STATEMENTS}{subject}", why=f"has {number} files, and {MOST} are read")
 
 
 class _Ledger:
@@ -546,7 +617,7 @@ class _Ledger:
         ]
         return min(days, default=None)
 
-    def in_force(self, have: Callable[[], str | None]) -> InForce:
+    def in_force(self) -> InForce:
         """Return what is in force after the last statement."""
         active: dict[str, list[Signed]] = {}
         used: dict[str, list[Signed]] = {}
@@ -572,11 +643,11 @@ class _Ledger:
         if not current:
             found = self._without(former)
             return structs.replace(found, waiting=waiting, proposers=self._proposers)
-        content = current[0] if len(current) == 1 else have() or ""
-        if content not in current:
+        if len(current) > 1:
             return InForce(
                 problem="several contents of it were approved at the same time: approve one of them again"
             )
+        [content] = current
         approvals = used[content]
         blobs = [one.body.blob for one in reversed(approvals) if one.body.blob is not None]
         if adopted is not None and adopted.content == content:

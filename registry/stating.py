@@ -289,7 +289,7 @@ def state_rules(snapshot: Snapshot, rules: RuleSet, reason: str | None) -> State
         raise RegistryError(
             f"nothing was written: {made.body.person} is not among those who approve by the rules in force"
         )
-    after = Rulebook.of([*book.statements(RULES), made], book.rulebook.foundation)
+    after = Rulebook.of([*book.statements(RULES), made], book.rulebook.foundation, book.rulebook.epochs)
     have = next((number for waiting, number in after.waiting if waiting.terms == terms), 0)
     is_in_force = after.current != book.rulebook.current
     missing = {} if is_in_force else {RULES: f"{have} of {epoch.rules.approvals.count} approvals"}

@@ -162,7 +162,7 @@ class TestAnApprovalIsOfWhatWasLookedAt:
         for words in ("intrinsics.fx 3660.5 3670.0 +9.5", "px at most over the frame", "on the ground"):
             assert words in out
 
-    @pytest.mark.parametrize("digest", ["abc", "x" * 12])
+    @pytest.mark.parametrize("digest", ["", "abc", "x" * 12])
     @pytest.mark.usefixtures("drafts")
     def test_a_digest_is_long_enough_to_mean_something(
         self, digest: str, capsys: pytest.CaptureFixture[str]

@@ -18,11 +18,12 @@ from calibrary.errors import RegistryError, UnknownCameraError
 from calibrary.jobs.fleet import Fleet
 from calibrary.known_camera import hashed
 from calibrary.records import replace
+from calibrary.registry import standing
 from calibrary.registry.entry import Alias, Entry, Status, Validity
 from calibrary.registry.proposals import Note, write_changes
 from calibrary.registry.registry import Registry
 from calibrary.registry.sshsig import Signer
-from calibrary.registry.statements import NAMESPACE, RULES, Body
+from calibrary.registry.statements import NAMESPACE, RULES, Body, subject_of
 from calibrary.registry.stating import state_rules
 from tests.registry.approval.attacked import (
     PEOPLE,
@@ -521,6 +522,18 @@ class TestWhoHasReadIt:
         assert fx_of(first) != REFUSED
 
 
+def told_of(desk: Desk, entry: Entry) -> list[str]:
+    """What the check says of the statements on an entry."""
+    findings = Fleet(desk.fleet).check().findings
+    return [one.message for one in findings if subject_of(entry.path) in (one.place or "")]
+
+
+def merged(desk: Desk, other: Desk) -> None:
+    """Two registries come together by plain git; of files that both changed, the first one's count."""
+    git(desk.fleet, "fetch", "-q", str(other.fleet), "HEAD")
+    git(desk.fleet, "merge", "-q", "-X", "ours", "--no-edit", "FETCH_HEAD")
+
+
 def desk_of_eve(desk: Desk) -> Body:
     key = (desk.keys / "eve.pub").read_text().strip()
     terms = {"people": [{"name": "eve", "keys": [key]}], "approvals": {"count": 1}}
@@ -569,6 +582,58 @@ class TestRules:
         assert fx_of(desk) == 3001.0
         assert Fleet(desk.fleet).check().errors
 
+    def test_an_address_is_no_approval_where_people_have_keys(self, small: Desk, tmp_path: Path) -> None:
+        desk, new = copied(small, tmp_path / "fleet"), with_fx(camera(1))
+        desk.asks('approvals: {by: ["ada"], count: 1}\n', "ada", "bob")
+        desk.put(new)
+        desk.forge(desk.body(new, person="cy", email="ada"), "cy")
+        desk.commit()
+        assert fx_of(desk) == 3001.0
+
+    def test_who_has_left_retires_nothing_under_the_former_rules(self, small: Desk, tmp_path: Path) -> None:
+        desk = copied(small, tmp_path / "fleet")
+        former = Registry.open(desk.fleet).snapshot().book.rulebook.current
+        desk.asks("approvals: {count: 1}\n", "ada", "bob", people=("ada", "bob"))
+        for action in ("retire", "hold"):
+            desk.forge(desk.body(camera(1), action, person="cy", rules=former), "cy")
+        desk.commit()
+        assert fx_of(desk) == 3001.0
+        assert any("by a key of nobody in those in force" in why for why in told_of(desk, camera(1)))
+        desk.forge(desk.body(camera(1), "retire", person="bob", rules=former), "bob")
+        desk.commit()
+        assert fx_of(desk) is None
+
+    def test_who_was_taken_out_does_not_come_back_by_a_change_in_an_older_clone(
+        self, small: Desk, tmp_path: Path
+    ) -> None:
+        desk = copied(small, tmp_path / "fleet")
+        desk.asks("approvals: {count: 1}\n", "ada", "bob")
+        older = copied(desk, tmp_path / "older")
+        desk.asks("approvals: {count: 1}\n", "ada", people=("ada", "bob"))
+        older.asks("approvals: {count: 1}\n", "cy", people=("cy",))
+        assert fx_of(desk) == 3001.0
+        followed = Registry.open(desk.fleet).snapshot().book.rulebook.current
+        merged(desk, older)
+        self.approved_by_one(desk, "cy")
+        assert Registry.open(desk.fleet).snapshot().book.rulebook.current == followed
+        assert fx_of(desk) == 3001.0
+        first = copied(desk, tmp_path / "first")
+        with pytest.raises(RegistryError, match=r"take out each other's signers.*remove the file"):
+            Fleet(first.fleet).check()
+        desk.asks("approvals: {count: 1, not_author: true}\n", "ada", people=("ada", "bob"))
+        assert Registry.open(desk.fleet).snapshot().book.rulebook.current != followed
+
+    def test_a_change_that_takes_a_signer_of_another_one_out_goes_before_it(
+        self, small: Desk, tmp_path: Path
+    ) -> None:
+        desk = copied(small, tmp_path / "fleet")
+        older = copied(desk, tmp_path / "older")
+        desk.asks("approvals: {count: 2}\n", "ada", "bob", people=("ada", "bob"))
+        older.asks("approvals: {count: 1}\n", "bob", "cy")
+        merged(desk, older)
+        first = Registry.open(copied(desk, tmp_path / "first").fleet).snapshot().book.rulebook
+        assert [one.name for one in first.epoch.rules.people] == ["ada", "bob"]
+
     def test_a_stranger_changes_no_rules(self, small: Desk, tmp_path: Path) -> None:
         desk = copied(small, tmp_path / "fleet")
         book = Registry.open(desk.fleet).snapshot().book.rulebook
@@ -598,6 +663,9 @@ class TestRules:
         after = Registry.open(desk.fleet).snapshot().book.rulebook
         assert after.current == before.current
         assert any("neither counts" in why for _, why in after.problems)
+        desk.asks("approvals: {count: 2, not_author: true}\n", "ada", "bob")
+        third = Registry.open(copied(desk, tmp_path / "first").fleet).snapshot().book.rulebook
+        assert third.epoch.rules.approvals.not_author
 
     def test_the_list_of_what_there_was_when_rules_changed_is_needed(
         self, small: Desk, tmp_path: Path
@@ -625,6 +693,32 @@ class TestRules:
         desk.commit()
         assert fx_of(desk) == 3001.0
         assert fx_of(copied(desk, tmp_path / "first")) == REFUSED
+
+
+class TestMany:
+    def test_more_statements_than_are_read_refuse_their_entry(
+        self, small: Desk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        desk, entry = copied(small, tmp_path / "fleet"), camera(1)
+        desk.states("cy", ("retire", replace(entry, status=Status.RETIRED)))
+        monkeypatch.setattr(standing, "MOST", 8)
+        for n in range(8):
+            desk.forge(desk.body(entry, "propose", person=f"nobody {n}", after=()), None)
+        desk.commit()
+        with pytest.raises(RegistryError, match="has 11 files, and 8 are read"):
+            Fleet(desk.fleet).show("example/m01")
+
+    def test_of_two_that_were_approved_at_once_the_file_does_not_choose(
+        self, small: Desk, tmp_path: Path
+    ) -> None:
+        desk, one, other = copied(small, tmp_path / "fleet"), with_fx(camera(1), 1.0), with_fx(camera(1), 2.0)
+        older = copied(desk, tmp_path / "older")
+        desk.approves(one)
+        older.approves(other)
+        merged(desk, older)
+        assert fx_of(desk) == REFUSED
+        desk.approves(other)
+        assert fx_of(desk) == 3003.0
 
 
 class TestLabels:
