@@ -34,10 +34,12 @@ from calibrary.registry.git.repository import Repository
 from calibrary.registry.paths import (
     CAMERAS,
     PROPOSALS,
+    PROPOSED,
     ROOT,
     STATEMENTS,
     SUFFIX,
     folder_of,
+    in_use_path,
     is_entry,
     is_proposal,
 )
@@ -619,8 +621,8 @@ def _touched(paths: Iterable[str]) -> frozenset[str] | None:
             found.add(f"{ROOT}{path.removeprefix(LABELS).rpartition('/')[0]}")
         elif path.startswith(STATEMENTS):
             found.add(f"{path.removeprefix(STATEMENTS).rpartition('/')[0]}{SUFFIX}")
-        elif path.startswith(ROOT):
-            found.add(path)
+        elif path.startswith((ROOT, PROPOSED)):
+            found.add(in_use_path(path))
     return frozenset(found)
 
 

@@ -247,18 +247,19 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
             book.read_all()
         known = self.contents.seen(self._ref, subjects) if self._is_tip else {}
         there = [path for path in paths if path in self.paths]
+        there += [beside for path in paths if (beside := proposal_path(path)) in self.proposed]
         stated = dict(self.contents.parsed(self._each(there, RegistryError)))
         found, seen = {}, {}
         for path, subject in zip(paths, subjects, strict=True):
-            entry = stated.get(path)
-            entry = entry if isinstance(entry, Entry) else None
+            files = (stated.get(path), stated.get(proposal_path(path)))
+            entry, proposed = (one if isinstance(one, Entry) else None for one in files)
             statements = book.statements(subject)
             in_force = book.in_force(
                 subject,
                 statements,
                 expected=known.get(subject, ()),
             )
-            found[path] = standing_of(book, repo, path, entry, in_force)
+            found[path] = standing_of(book, repo, path, entry, in_force, proposed)
             if in_force.problem is None:
                 seen[subject] = [one.id for one in statements]
         if self._is_tip and any(seen.values()):

@@ -755,7 +755,14 @@ def label_subject(path: str) -> str:
     return LABELS + (unit.removeprefix(ROOT).rstrip("/") if unit is not None else id_of(path))
 
 
-def standing_of(book: Book, repo: Repository, path: str, stated: Entry | None, in_force: InForce) -> Standing:
+def standing_of(
+    book: Book,
+    repo: Repository,
+    path: str,
+    stated: Entry | None,
+    in_force: InForce,
+    proposed: Entry | None = None,
+) -> Standing:
     """Return what readers get of an entry.
 
     Args:
@@ -764,6 +771,7 @@ def standing_of(book: Book, repo: Repository, path: str, stated: Entry | None, i
         path: path of the entry in ``cameras/``.
         stated: the entry in its file; None if that cannot be read.
         in_force: what the statements say of it.
+        proposed: the proposal for it, which is what is approved until somebody moves its file.
     """
     if in_force.problem is not None:
         return Standing(problem=f"{path}: {in_force.problem}")
@@ -782,7 +790,8 @@ def standing_of(book: Book, repo: Repository, path: str, stated: Entry | None, i
             former=former,
         )
     is_here = stated is not None and content_of(stated) == in_force.content
-    base = stated if is_here else _of_content(repo, path, in_force)
+    is_proposed = proposed is not None and content_of(proposed) == in_force.content
+    base = stated if is_here else proposed if is_proposed else _of_content(repo, path, in_force)
     if base is None and stated is None:
         # Its reader says why the file cannot be read.
         return Standing(former=former)
@@ -795,7 +804,7 @@ def standing_of(book: Book, repo: Repository, path: str, stated: Entry | None, i
     plain = replace(plain, label=label) if label != plain.label else plain
     entry = until(plain, in_force.until)
     remark = None
-    if not is_here:
+    if not is_here and not is_proposed:
         newer = "its file says something newer, which nothing that counts approves"
         remark = f"{newer if stated is not None else UNREAD}: the last approved revision is used"
     return Standing(

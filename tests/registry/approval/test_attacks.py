@@ -20,6 +20,7 @@ from calibrary.known_camera import hashed
 from calibrary.records import replace
 from calibrary.registry import standing
 from calibrary.registry.entry import Alias, Entry, Status, Validity
+from calibrary.registry.paths import proposal_path
 from calibrary.registry.proposals import Note, write_changes
 from calibrary.registry.registry import Registry
 from calibrary.registry.sshsig import Signer
@@ -707,6 +708,19 @@ class TestMany:
         desk.commit()
         with pytest.raises(RegistryError, match="has 11 files, and 8 are read"):
             Fleet(desk.fleet).show("example/m01")
+
+    def test_what_two_approve_in_their_own_clones_is_in_force_though_nobody_moved_its_file(
+        self, small: Desk, tmp_path: Path
+    ) -> None:
+        desk, new = copied(small, tmp_path / "fleet"), with_fx(camera(1))
+        desk.put(replace(new, status=Status.DRAFT), proposal_path(new.path))
+        desk.commit()
+        other = copied(desk, tmp_path / "other")
+        desk.states("ada", ("approve", new), files=False)
+        other.states("bob", ("approve", new), files=False)
+        assert fx_of(desk) == 3001.0
+        merged(desk, other)
+        assert fx_of(desk) == 3501.0
 
     def test_of_two_that_were_approved_at_once_the_file_does_not_choose(
         self, small: Desk, tmp_path: Path
