@@ -11,7 +11,7 @@ import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from datetime import date
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any
@@ -48,7 +48,7 @@ from calibrary.registry.paths import (
 )
 from calibrary.registry.resolution import RegistryIndex, Resolution, is_keyed
 from calibrary.registry.standing import Book, Standing, label_subject, standing_of
-from calibrary.registry.statements import RULES, subject_of
+from calibrary.registry.statements import RULES, content_of, subject_of
 
 MOST_INDICES = 256
 """Models of which the entries stay in memory."""
@@ -258,6 +258,7 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
                 subject,
                 statements,
                 expected=known.get(subject, ()),
+                have=partial(content_of, entry) if entry is not None else lambda: None,
             )
             found[path] = standing_of(book, repo, path, entry, in_force, proposed)
             if in_force.problem is None:

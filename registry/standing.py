@@ -9,7 +9,7 @@ what is in force, and a remark.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from datetime import date, timedelta
 from typing import Final
 
@@ -479,6 +479,7 @@ class Book:
         statements: Iterable[Signed | Broken] | None = None,
         *,
         expected: Collection[str] = (),
+        have: Callable[[], str | None] = lambda: None,
     ) -> InForce:
         """Return what is in force of an entry.
 
@@ -486,14 +487,17 @@ class Book:
             subject: subject of the entry.
             statements: statements on it; by default those at this commit.
             expected: ids of statements that this reader has seen before.
+            have: returns the content of its file, which decides between two that were approved at the same time.
         """
         chain = Chain(self.statements(subject) if statements is None else [*statements])
         try:
-            return self._in_force(subject, chain, expected)
+            return self._in_force(subject, chain, expected, have)
         except RegistryError as error:
             return InForce(problem=str(error))
 
-    def _in_force(self, subject: str, chain: Chain, expected: Collection[str]) -> InForce:
+    def _in_force(
+        self, subject: str, chain: Chain, expected: Collection[str], have: Callable[[], str | None]
+    ) -> InForce:
         if (problem := self._problem(chain, expected)) is not None:
             return InForce(problem=problem)
         counting = [one for one in chain.in_order() if self.why_not(one) is None]
@@ -502,7 +506,7 @@ class Book:
         sealed = {line.split()[0] for ledger in closed for line in self._lines(ledger, subject)}
         if gone := sealed - chain.all.keys():
             return InForce(problem=f"statement {min(gone)} on it is missing; git revert restores it")
-        return _Ledger(chain, counting, adopted, self.rulebook).in_force()
+        return _Ledger(chain, counting, adopted, self.rulebook).in_force(have)
 
     def _problem(self, chain: Chain, expected: Collection[str]) -> str | None:
         if gone := {*expected} - chain.all.keys() - {one.id for one in chain.broken}:
@@ -617,7 +621,7 @@ class _Ledger:
         ]
         return min(days, default=None)
 
-    def in_force(self) -> InForce:
+    def in_force(self, have: Callable[[], str | None]) -> InForce:
         """Return what is in force after the last statement."""
         active: dict[str, list[Signed]] = {}
         used: dict[str, list[Signed]] = {}
@@ -643,11 +647,11 @@ class _Ledger:
         if not current:
             found = self._without(former)
             return structs.replace(found, waiting=waiting, proposers=self._proposers)
-        if len(current) > 1:
+        content = current[0] if len(current) == 1 else have() or ""
+        if content not in current:
             return InForce(
                 problem="several contents of it were approved at the same time: approve one of them again"
             )
-        [content] = current
         approvals = used[content]
         blobs = [one.body.blob for one in reversed(approvals) if one.body.blob is not None]
         if adopted is not None and adopted.content == content:

@@ -722,18 +722,6 @@ class TestMany:
         merged(desk, other)
         assert fx_of(desk) == 3501.0
 
-    def test_of_two_that_were_approved_at_once_the_file_does_not_choose(
-        self, small: Desk, tmp_path: Path
-    ) -> None:
-        desk, one, other = copied(small, tmp_path / "fleet"), with_fx(camera(1), 1.0), with_fx(camera(1), 2.0)
-        older = copied(desk, tmp_path / "older")
-        desk.approves(one)
-        older.approves(other)
-        merged(desk, older)
-        assert fx_of(desk) == REFUSED
-        desk.approves(other)
-        assert fx_of(desk) == 3003.0
-
 
 class TestLabels:
     @pytest.fixture
