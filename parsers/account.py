@@ -215,11 +215,13 @@ class Account:
         documents: what the reader loads.
     """
 
-    def __init__(self, record: Format, data: bytes, context: ReadContext, *, is_text: bool) -> None:
+    def __init__(
+        self, record: Format, data: bytes, context: ReadContext, documents: Documents, *, is_text: bool
+    ) -> None:
         self._record = record
         self._data = data
         self._is_text = is_text
-        self.documents = Documents()
+        self.documents = documents
         self._companions: set[bytes] = set()
 
         def companion(name: str) -> bytes | None:

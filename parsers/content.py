@@ -6,6 +6,7 @@ The views serve to recognise a file, not to read it. They never raise; a broken 
 
 from __future__ import annotations
 
+import codecs
 import json
 import re
 from enum import Enum
@@ -28,6 +29,18 @@ _DOCTYPE = re.compile(r"<!DOCTYPE\s+([A-Za-z_][\w.:-]{0,60})", re.IGNORECASE)
 _JSON_BEGINS = re.compile(r'\{|\[\s*+(?:$|[\[\]{"\d-]|(?:true|false|null)\b)')
 # Lengths are bounded, so that a line of a hundred thousand spaces takes linear time.
 _YAML_KEY = re.compile(r"""^["']?([A-Za-z_][\w .-]{0,80}?)["']?[ \t]{0,8}:(?=[ \t]|$)""", re.MULTILINE)
+
+
+UTF_16 = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
+"""Encodings by their mark."""
+
+
+def ended(data: bytes) -> bytes:
+    """The bytes of a text with a newline at its end."""
+    encoding = UTF_16.get(data[:2], "utf-8")
+    if data[-8:].decode(encoding, "replace").endswith(("\n", "\r")):
+        return data
+    return data + "\n".encode(encoding)
 
 
 class Syntax(Enum):

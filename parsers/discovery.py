@@ -24,6 +24,9 @@ from calibrary.records import Meta, Record
 GROUP = "calibrary.formats"
 """The entry-point group by which other packages add formats."""
 
+BY_HAND: Final = "hand_made"
+"""The format that is asked last, of files that no other one claims."""
+
 ONLY: Final[Mapping[tuple[Syntax, ...], str]] = {
     (Syntax.XML,): (
         "adobe_lcp agisoft_xml blocksexchange_xml contextcapture_opt gazebo_sdf metashape_document "
@@ -31,8 +34,8 @@ ONLY: Final[Mapping[tuple[Syntax, ...], str]] = {
     ),
     (Syntax.JSON,): (
         "alicevision_sfm argoverse gyroflow "
-        "multiview_calib nuscenes odm_cameras openmvg opensfm opf_calibrated_cameras opf_input_cameras "
-        "opf_project pinhole_json stac_interior_orientation theia_priors "
+        "nuscenes odm_cameras openmvg opensfm opf_calibrated_cameras opf_input_cameras "
+        "opf_project polycam stac_interior_orientation theia_priors "
         "transforms_json"
     ),
     (Syntax.TEXT,): (
@@ -49,7 +52,7 @@ ONLY: Final[Mapping[tuple[Syntax, ...], str]] = {
     ),
     (Syntax.XML, Syntax.TEXT): "lensfun_xml",
     (Syntax.XML, Syntax.TEXT, Syntax.JSON): "opencv_storage",
-    (Syntax.TEXT, Syntax.JSON): "k_text matlab_json mrcal ocamcalib realsense",
+    (Syntax.TEXT, Syntax.JSON): "matlab_json mrcal ocamcalib realsense",
 }
 """Built-in formats by their syntaxes, not loaded for files of another; formats not listed are always loaded."""
 
@@ -147,7 +150,8 @@ def _not_built_in() -> dict[str, Format]:
 def formats_of(syntax: Syntax) -> tuple[Format, ...]:
     """The formats that a file of this syntax may have; other built-in formats are not loaded."""
     elsewhere = {name for others, names in ONLY.items() if syntax not in others for name in names.split()}
-    found = {name: _built_in(name) for name in _module_names() - elsewhere} | _rows() | _not_built_in()
+    names = _module_names() - elsewhere - {BY_HAND}
+    found = {name: _built_in(name) for name in names} | _rows() | _not_built_in()
     return tuple(record for _, record in sorted(found.items()) if syntax in record.syntaxes)
 
 

@@ -87,6 +87,7 @@ class Family(Enum):
     FISHEYE = "cv2.fisheye's model"
     OMNI = "cv2.omnidir's model"
     NONE = "no distortion"
+    OTHER = "a model that has none of these coefficients"
 
 
 LENSES: Final = {
@@ -100,6 +101,10 @@ LENSES: Final = {
         "pinholeequi pinholeequidistant cv2fisheye equidistantcamera"
     ),
     Family.OMNI: "omni omnidir mei omnidirectional cv2omnidir unified",
+    Family.OTHER: (
+        "ds doublesphere eucm ucm enhancedunified fov atan division scaramuzza ocam ocamcalib taylor splined cahvor "
+        "inversebrownconrady ftheta extendedunified"
+    ),
     Family.NONE: "none nodistortion undistorted rectified distortionnone",
 }
 """Words for a lens: the same in every file."""

@@ -9,7 +9,6 @@ many decimals as any other of the file is accepted with a note, anything else is
 
 from __future__ import annotations
 
-import codecs
 import hashlib
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -32,14 +31,14 @@ from calibrary.errors import (
     UnsupportedModelError,
 )
 from calibrary.parsers.account import Account
-from calibrary.parsers.content import HEAD_BYTES, Content, Syntax
-from calibrary.parsers.discovery import formats_of, known_formats
-from calibrary.parsers.document import keeping
+from calibrary.parsers.content import HEAD_BYTES, UTF_16, Content, Syntax, ended
+from calibrary.parsers.discovery import BY_HAND, format_named, formats_of, known_formats
+from calibrary.parsers.document import Documents, keeping
 from calibrary.parsers.files import MAX_BYTES, display_name, read_head, too_long
 from calibrary.parsers.format import Format, Read, ReadContext, Sniff, Sure, no_companion
 from calibrary.parsers.on_demand import REACH, CamerasOnDemand
 from calibrary.parsers.text import shown
-from calibrary.parsers.unsized import UnsizedIntrinsics
+from calibrary.parsers.unsized import TRIED, UnsizedIntrinsics
 from calibrary.records import replace
 
 SHORTEST = 0.05
@@ -52,7 +51,7 @@ LEAST_PX = 3.0
 """A principal point within this many px of the corner on both axes is an offset from the centre, or a ratio."""
 MOST_MOVED = 0.2
 """Largest displacement by a distortion ÷ longer side, halfway to the corners."""
-MOST_TANGENTIAL = 0.026
+MOST_TANGENTIAL = 0.03
 """Largest displacement by tangential terms ÷ longer side, at the corners."""
 FARTHEST = 10.0
 """Largest distance of the principal point from the image centre in image sides, as in a crop of a wide image."""
@@ -85,7 +84,11 @@ def identified(content: Content) -> Identity:
         if (sniff := record.sniff(content)) is not None
     ]
     if not claims:
-        raise UnknownFormatError(described(content), source=content.name)
+        by_hand = format_named(BY_HAND)
+        sniff = by_hand.sniff(content)
+        if sniff is None:
+            raise UnknownFormatError(described(content), source=content.name)
+        return Identity(by_hand, sniff)
     strongest = max(claim.sniff.sure for claim in claims)
     best = [claim for claim in claims if claim.sniff.sure == strongest]
     if strongest is Sure.WEAK and len(best) > 1:
@@ -125,8 +128,10 @@ def read_content(
     """
     _refuse_unmerged(content)
     sure = None
+    documents = Documents()
     if record is None:
-        identity = identified(content)
+        with keeping(documents):
+            identity = identified(content)
         record, sure = identity.format, identity.sniff.sure
     read = record.read
     if read is None:
@@ -144,7 +149,7 @@ def read_content(
 
     with _errors_of(content.name):
         data = content.data if content.text is None else ended(content.data)
-        account = Account(record, data, context, is_text=content.text is not None)
+        account = Account(record, data, context, documents, is_text=content.text is not None)
         with keeping(account.documents):
             found = (
                 read(data, account.context)
@@ -152,15 +157,19 @@ def read_content(
                 else read_to_the_end(read, content.data, account.context)
             )
         calibrations = account.settled(_checked_cameras(found, record, content.name))
+    is_sized = not (size_is_tried and image_size in TRIED)
     if sure is Sure.WEAK:
-        for item in calibrations:
+        for item in calibrations if is_sized else ():
             reason = why_implausible(item.intrinsics) or why_no_lens(item)
             if reason is not None:
+                is_by_hand = record.name == BY_HAND
+                says = "its names alone say" if is_by_hand else "nothing in the file says"
                 raise ParseError(
-                    f"nothing in the file says that it is {record.title}, and read so, {reason}; if that is what "
-                    f"it is, say so with --format {record.name}",
+                    f"{says} that it is {'a camera' if is_by_hand else record.title}, and read so, {reason}; if that "
+                    f"is what it is, say so with --format {record.name}",
                     source=content.name,
                 )
+    if sure is Sure.WEAK and record.name != BY_HAND:
         note = f"nothing in the file says that it is {record.title}; it was read so because it has the shape"
         calibrations = [replace(item, notes=(*item.notes, note)) for item in calibrations]
     return calibrations
@@ -389,15 +398,6 @@ FEWEST_OTHERS = 4
 """Fractions that a text needs to tell how many decimals its numbers have."""
 _EXPONENT = re.compile(r"[\d.][eE][+-]?\d*\Z")
 _TAIL_BYTES = 2000
-_UTF_16 = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
-
-
-def ended(data: bytes) -> bytes:
-    """The bytes of a text with a newline at its end."""
-    encoding = _UTF_16.get(data[:2], "utf-8")
-    if data[-8:].decode(encoding, "replace").endswith(("\n", "\r")):
-        return data
-    return data + "\n".encode(encoding)
 
 
 def read_to_the_end(read: Read, data: bytes, context: ReadContext) -> Sequence[Calibration]:
@@ -414,7 +414,7 @@ def read_to_the_end(read: Read, data: bytes, context: ReadContext) -> Sequence[C
         ParseError: the last line has no newline, and its last word is used.
         InputError: raised by the reader.
     """
-    encoding = _UTF_16.get(data[:2], "utf-8")
+    encoding = UTF_16.get(data[:2], "utf-8")
     newline = "\n".encode(encoding)
     tail = data[-_TAIL_BYTES:].decode(encoding, "replace")
     if tail.endswith(("\n", "\r")) or tail.rstrip().endswith(_CLOSED):
@@ -523,7 +523,7 @@ def why_no_lens(calibration: Calibration) -> str | None:
     """Reason why a distortion cannot be that of a lens, in words; None if it can.
 
     Halfway from the principal point to the corners and the sides no lens folds an image back, or moves a pixel by a
-    fifth of it, and at the corners no tangential terms move one by 2.6 %. Real lenses reach an eighth and 2.4 %. At the
+    fifth of it, and at the corners no tangential terms move one by 3 %. Real lenses reach an eighth and 2.8 %. At the
     corners themselves a polynomial that was fitted to points nearer the middle may do anything. A solver finds both
     tangential terms or none: a zero where only another order of the coefficients has one is that order's.
 

@@ -30,9 +30,9 @@ from calibrary.distortion import BrownConrady, Distortion, NoDistortion
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import ReadContext
-from calibrary.parsers.formats._by_shape import lens_of
 from calibrary.parsers.formats._one_camera import camera, native_of
 from calibrary.parsers.formats._taylor import taylor_lens, upper_triangle
+from calibrary.parsers.formats.hand_made import lens_in
 from calibrary.parsers.text import image_size
 from calibrary.records import Json, replace
 
@@ -91,7 +91,7 @@ def _structs(node: Node, name: str, depth: int) -> Iterator[tuple[str, Node]]:
 
 def _camera(node: Node, context: ReadContext, name: str | None, *, tag: str) -> Calibration:
     native, lens, turned = (
-        _fisheye(node) if set(node.keys()) >= FISHEYE else (_native(node), _lens(node), 0.0)
+        _fisheye(node) if set(node.keys()) >= FISHEYE else (_native(node), _lens(node, context), 0.0)
     )
     item = camera(context, CONVENTION, native, _size(node), lens, name=name, tag=tag or None)
     if turned:
@@ -136,10 +136,10 @@ def _size(node: Node) -> ImageSize | None:
     return image_size(columns, rows, source=found.source, place=found.place)
 
 
-def _lens(node: Node) -> Distortion | None:
+def _lens(node: Node, context: ReadContext) -> Distortion | None:
     """MATLAB's own coefficients, else those that a script put beside; None if there are none."""
     if "RadialDistortion" not in node:
-        return lens_of(node)[2]
+        return lens_in(node, context)[1]
     radial = node["RadialDistortion"].numbers((2, 3))
     tangential = node.get("TangentialDistortion")
     p1, p2 = (0.0, 0.0) if tangential is None else tangential.numbers(2)

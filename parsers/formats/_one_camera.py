@@ -9,13 +9,19 @@ from calibrary.calibration import Calibration, ImageSize
 from calibrary.distortion import Distortion, KannalaBrandt
 from calibrary.errors import UnsupportedModelError
 from calibrary.parsers import text as strict
-from calibrary.parsers.convention import Convention, Native
+from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
-from calibrary.parsers.format import ReadContext
+from calibrary.parsers.format import Option, ReadContext
 from calibrary.parsers.formats import _file_storage as storage
 from calibrary.parsers.formats._opencv_lens import COUNTS, lens
 
 ORIGIN_UNKNOWN = "the file does not say how its numbers came about; they were taken as derived"
+
+ORIGIN = Option(
+    name="origin",
+    values=("corner", "centre"),
+    meaning="whether cx and cy count from the top-left pixel's outer corner or, as OpenCV's, from its centre",
+)
 
 
 def camera(
@@ -54,6 +60,16 @@ def camera(
         assumptions=tuple(assumptions),
         notes=tuple(assumptions),
     )
+
+
+def chosen_origin(context: ReadContext, usual: Origin) -> tuple[Origin, str]:
+    """Where the principal point counts from, as the caller says or as is usual, and that in words."""
+    asked = context.option(ORIGIN.name)
+    if asked is None:
+        taken = f"{usual.value} was taken, unless --pixel-origin says otherwise"
+        return usual, f"the file does not say where cx and cy count from; {taken}"
+    origin = Origin.CORNER if asked == "corner" else Origin.PIXEL_CENTRE
+    return origin, f"cx and cy count from {origin.value}, as the caller says"
 
 
 def native_of(node: Node, *, transposed: bool = False) -> Native:

@@ -33,6 +33,7 @@ from calibrary.parsers.formats import _file_storage as storage
 from calibrary.parsers.formats._json_text import loaded
 from calibrary.parsers.formats._one_camera import camera, native_of, refuse_model
 from calibrary.parsers.formats._text_rows import text_of
+from calibrary.parsers.formats._tree import MAX_BYTES
 from calibrary.parsers.xml import parse_xml
 from calibrary.records import Json, replace
 
@@ -294,7 +295,7 @@ def _loaded(row: Program, data: bytes, context: ReadContext) -> Node:
 
 @accounted
 def _of_toml(data: bytes, source: str) -> Node:
-    text = text_of(data, most=storage.MAX_BYTES)
+    text = text_of(data, most=MAX_BYTES)
     try:
         return Node(tomllib.loads(text.replace("\r\n", "\n")), source=source)
     except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
@@ -303,7 +304,7 @@ def _of_toml(data: bytes, source: str) -> Node:
 
 @accounted
 def _of_xml(data: bytes, source: str) -> Node:
-    root = parse_xml(data, source=source, max_bytes=storage.MAX_BYTES)
+    root = parse_xml(data, source=source, max_bytes=MAX_BYTES)
     return Node({str(root.tag): _of_element(root)}, source=source)
 
 

@@ -62,8 +62,10 @@ _KC = re.compile(r"^[ \t]{0,8}kc\s{0,8}=\s{0,8}\[", re.MULTILINE)
 def sniff(content: Content) -> Sniff | None:
     """The toolbox's own names, assigned as vectors."""
     text = content.text or ""
-    if "kc" in text and _FC.search(text) and _KC.search(text):
-        return Sniff(Sure.MAGIC, "it assigns fc = [ … ] and kc = [ … ], as Bouguet's toolbox does")
+    if _FC.search(text) and (
+        "Calib_Results" in text or "Extrinsic Camera Parameters" in text or _KC.search(text)
+    ):
+        return Sniff(Sure.MAGIC, "it assigns fc = [ … ], as Bouguet's toolbox does")
     return None
 
 

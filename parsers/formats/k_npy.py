@@ -18,22 +18,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrary.calibration import Calibration, Grade
+from calibrary.calibration import Calibration
 from calibrary.errors import ParseError
 from calibrary.parsers.content import Content, Syntax
-from calibrary.parsers.convention import Convention, Native, Origin, Tangential
-from calibrary.parsers.format import (
-    Capacity,
-    Format,
-    ReadContext,
-    Sniff,
-    Sure,
-    UnknownLens,
-    WriteContext,
-)
-from calibrary.parsers.formats._npy import MAGIC, array
-from calibrary.parsers.formats.pinhole_json import ORIGIN, chosen_origin
-from calibrary.records import replace
+from calibrary.parsers.convention import Convention, Origin, Tangential
+from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, UnknownLens, WriteContext
+from calibrary.parsers.formats import hand_made
+from calibrary.parsers.formats._npy import array
+from calibrary.parsers.formats._tree import NPY, tree_of
 
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
@@ -51,10 +43,10 @@ MARK_BYTES = 64
 
 def sniff(content: Content) -> Sniff | None:
     """A 3×3 array could be a rotation as well; the numbers of a K look like no other matrix."""
-    if not content.data.startswith(MAGIC):
+    if not content.data.startswith(NPY):
         return None
     try:
-        K = _array(content.data)
+        K = array(content.data)
     except ParseError:
         return None
     if not _looks_like_k(K):
@@ -64,28 +56,16 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one K; how it came about is not known, so it is given the lowest grade that may reach a solver."""
-    K = _array(data)
-    if not np.isfinite(K).all():
-        raise ParseError("the matrix contains NaN or infinity, expected nine finite numbers")
+    K = array(data)
+    if K.shape != (3, 3):
+        raise ParseError(f"the array has shape {K.shape}, expected (3, 3)")
     if not _looks_like_k(K):
         raise ParseError(
             f"{K.tolist()} is not an intrinsic matrix, expected fx s cx / 0 fy cy / 0 0 1 with fx and fy in px"
         )
-    size = context.size(None)
-    origin, sentence = chosen_origin(context, CONVENTION.origin)
-    if context.option(ORIGIN.name) is None and is_ours(data):
-        origin, sentence = Origin.CORNER, OURS
-    native = Native(
-        fx=float(K[0, 0]), fy=float(K[1, 1]), cx=float(K[0, 2]), cy=float(K[1, 2]), skew=float(K[0, 1])
-    )
-    return [
-        context.calibration(
-            replace(CONVENTION, origin=origin).intrinsics(native, size),
-            None,
-            assumptions=(sentence, "a bare matrix does not say how it came about; taken as derived"),
-            grade=Grade.DERIVED,
-        )
-    ]
+    origin, why = (Origin.CORNER, OURS) if is_ours(data) else (None, None)
+    tree = tree_of(data, source=context.name)
+    return hand_made.cameras(tree, context, prefix="k_npy/", origin=origin, why=why)
 
 
 def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
@@ -111,21 +91,10 @@ def is_ours(data: bytes) -> bool:
     return MARK_BYTES <= spaces < 2 * MARK_BYTES and (end + 1) % MARK_BYTES == 0
 
 
-def _array(data: bytes) -> NDArray[np.float64]:
-    """The (3, 3) array.
-
-    Raises:
-        ParseError: it is not such an array.
-    """
-    found = array(data)
-    if found.shape != (3, 3):
-        raise ParseError(f"the array has shape {found.shape}, expected (3, 3)")
-    return found
-
-
 def _looks_like_k(K: NDArray[np.float64]) -> bool:
-    below = K[[1, 2, 2], [0, 0, 1]]
-    return bool(np.isfinite(K).all() and not below.any() and K[2, 2] == 1.0 and K[0, 0] > 1 and K[1, 1] > 1)
+    if K.shape != (3, 3) or not np.isfinite(K).all() or K[2, 2] != 1.0:
+        return False
+    return bool(not K[[1, 2, 2], [0, 0, 1]].any() and K[0, 0] > 1 and K[1, 1] > 1)
 
 
 FORMAT = Format(
@@ -140,5 +109,5 @@ FORMAT = Format(
     write=write,
     capacity=Capacity(models=(), skew=True, unknown_lens=UnknownLens.STATED),
     needs_image_size=True,
-    options=(ORIGIN,),
+    options=hand_made.FORMAT.options,
 )

@@ -22,10 +22,10 @@ from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
-from calibrary.parsers.formats import bouguet_m, opencv_storage
+from calibrary.parsers.formats import bouguet_m, hand_made, opencv_storage
+from calibrary.parsers.formats._by_hand import cameras_in
 from calibrary.parsers.formats._mat5 import HEADER, variables
 from calibrary.parsers.formats._matlab_camera import CONVENTION, cameras
-from calibrary.parsers.names import MATRIX, simplified
 from calibrary.records import Json
 
 HDF5 = b"MATLAB 7.3 MAT-file"
@@ -57,8 +57,8 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     if {"fc", "cc", "kc"} <= found.values.keys():
         named = {name: _words(value) for name, value in found.values.items() if name in bouguet_m.WANTED}
         return [bouguet_m.camera_of(named, context)]
-    if any(MATRIX.fullmatch(simplified(name)) for name in found.values):
-        return opencv_storage.cameras(tree, context)
+    if cameras_in(tree):
+        return hand_made.cameras(tree, context, prefix=opencv_storage.PREFIX)
     if found.classes:
         raise UnsupportedModelError(
             f"it holds an object of the class {strict.shown(found.classes[0])}, which cannot be read here. {WAY_OUT}",
@@ -81,5 +81,5 @@ FORMAT = Format(
     convention=CONVENTION,
     sniff=sniff,
     read=read,
-    options=(bouguet_m.DISTORTION,),
+    options=hand_made.FORMAT.options,
 )

@@ -34,9 +34,8 @@ from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Origin, Tangential
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
-from calibrary.parsers.formats._one_camera import camera, native_of
+from calibrary.parsers.formats._one_camera import ORIGIN, camera, chosen_origin, native_of
 from calibrary.parsers.formats._text_rows import text_of
-from calibrary.parsers.formats.pinhole_json import ORIGIN, chosen_origin
 from calibrary.records import replace
 
 CONVENTION = Convention(

@@ -26,7 +26,7 @@ from calibrary.parsers.convention import Convention, Native, Origin, Tangential
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._one_camera import ORIGIN_UNKNOWN, camera
-from calibrary.parsers.formats.numpy_npz import arrays, names_of
+from calibrary.parsers.formats._tree import arrays, names_of_arrays
 from calibrary.parsers.formats.projection_matrix import SMALLEST_FOCAL_PX, upper_triangle
 from calibrary.quality import Quality
 from calibrary.records import replace
@@ -43,7 +43,7 @@ _WORLD = re.compile(r"world_mat_\d{1,7}")
 
 def sniff(content: Content) -> Sniff | None:
     """A zip of arrays with a world_mat_0 and a scale_mat_0."""
-    names = names_of(content)
+    names = names_of_arrays(content.data)
     if any(_WORLD.fullmatch(name) for name in names) and any(name.startswith("scale_mat_") for name in names):
         return Sniff(Sure.MAGIC, "a zip archive of numpy arrays with world_mat_0 and scale_mat_0")
     return None

@@ -22,7 +22,7 @@ from calibrary.calibration import Calibration, SourceFile
 from calibrary.errors import ParseError
 from calibrary.parsers.account import Account
 from calibrary.parsers.content import Content, Syntax
-from calibrary.parsers.document import keeping
+from calibrary.parsers.document import Documents, keeping
 from calibrary.parsers.format import Format, ReadContext, Sniff
 from calibrary.parsers.formats import _opf, opf_calibrated_cameras, opf_input_cameras
 from calibrary.parsers.formats._json_text import loaded
@@ -56,7 +56,7 @@ def read(data: bytes, context: ReadContext) -> Sequence[Calibration]:
     if cameras is None:
         raise ParseError(f"its cameras, {name}, are not beside it; keep the project's folder together")
     within = replace(context, name=name, companion=beside, json=None)
-    account = Account(kind.FORMAT, cameras, within, is_text=True)
+    account = Account(kind.FORMAT, cameras, within, Documents(), is_text=True)
     with keeping(account.documents):
         found = account.settled(kind.read(cameras, account.context))
     file = SourceFile(name=name, sha256=hashlib.sha256(cameras).hexdigest())

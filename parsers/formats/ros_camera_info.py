@@ -43,10 +43,10 @@ from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node, accounted, set_aside
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._bound_extras import bound, unbound
-from calibrary.parsers.formats._file_storage import YAML_TAGS
 from calibrary.parsers.formats._json_text import restored
 from calibrary.parsers.formats._opencv_lens import COUNTS, lens
 from calibrary.parsers.formats._text_rows import text_of
+from calibrary.parsers.formats._tree import YAML_TAGS
 from calibrary.parsers.formats._yaml_text import flow, scalar
 from calibrary.records import Json
 from calibrary.strictyaml import load_yaml

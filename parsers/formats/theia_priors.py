@@ -26,9 +26,8 @@ from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats._json_text import loaded
-from calibrary.parsers.formats._one_camera import camera, fisheye, refuse_model
+from calibrary.parsers.formats._one_camera import ORIGIN, camera, chosen_origin, fisheye, refuse_model
 from calibrary.parsers.formats._opencv_lens import lens
-from calibrary.parsers.formats.pinhole_json import ORIGIN, chosen_origin
 from calibrary.records import replace
 
 CONVENTION = Convention(

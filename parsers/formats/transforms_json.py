@@ -12,7 +12,7 @@ a missing principal point is in the middle. Blender's files have ``camera_angle_
 instead of ``fl_x``, and state no size either. ``camera_model`` OPENCV_FISHEYE, or ``is_fisheye``, makes k1 to k4 those
 of OpenCV's fisheye. In a perspective camera k4 means two things: nerfstudio projects with it as a factor of r⁸ and
 undistorts with it as OpenCV's k4, so a file that has one is refused. Scripts put the coefficients under other names
-(``D``, ``K1``, a table ``distortion``); those are read by their shape (``_by_shape``).
+(``D``, ``K1``, a table ``distortion``); those are read by their shape (``hand_made``).
 
 Sources: instant-ngp, ``src/nerf_loader.cu``; nerfstudio, ``data/dataparsers/nerfstudio_dataparser.py``.
 """
@@ -32,9 +32,9 @@ from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
-from calibrary.parsers.formats._by_shape import AROUND, lens_of, lifted
 from calibrary.parsers.formats._json_text import Writable, dumped, extra, loaded, restored
-from calibrary.parsers.names import simplified
+from calibrary.parsers.formats.hand_made import lens_in
+from calibrary.parsers.names import Family
 from calibrary.records import Json, replace
 
 CONVENTION = Convention(
@@ -83,7 +83,9 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     document = loaded(data, context)
     fisheye = _is_fisheye(document)
     shared = _numbers(document)
-    keys, elsewhere = ((), None) if set(LENS) & shared.keys() else _lens_elsewhere(document, fisheye=fisheye)
+    keys, elsewhere = (
+        ((), None) if set(LENS) & shared.keys() else _lens_elsewhere(document, context, fisheye=fisheye)
+    )
     images: dict[object, _Images] = {}
     for index, frame in enumerate(_frames(document.get("frames"))):
         numbers = _merged(shared, frame)
@@ -262,16 +264,17 @@ def _lens(numbers: Mapping[str, float], *, fisheye: bool) -> Distortion:
     return BrownConrady(k1=c["k1"], k2=c["k2"], p1=c["p1"], p2=c["p2"], k3=c["k3"])
 
 
-def _lens_elsewhere(document: Node, *, fisheye: bool) -> tuple[tuple[str, ...], Distortion | None]:
+def _lens_elsewhere(
+    document: Node, context: ReadContext, *, fisheye: bool
+) -> tuple[tuple[str, ...], Distortion | None]:
     """The lens that a script put there in other words, and the keys that state it; None where there is none."""
-    rest = {key: value for key, value in _table(document).items() if key != "frames"}
-    tree = lifted(Node(rest, source=document.source))
+    rest = {key: value for key, value in _table(document).items() if key not in {"frames", "camera_model"}}
     stated = "camera_model" in document or "is_fisheye" in document
-    keys, _, lens = lens_of(tree, fisheye=fisheye if stated else None)
+    family = (Family.FISHEYE if fisheye else Family.OPENCV) if stated else None
+    keys, lens = lens_in(Node(rest, source=document.source), context, family=family)
     if lens is None or (stated and isinstance(lens, KannalaBrandt) is not fisheye):
         return (), None
-    tables = [key for key, value in rest.items() if isinstance(value, dict) and simplified(key) in AROUND]
-    return (*keys, *tables, "distortion_model"), lens
+    return (*keys, "distortion_model"), lens
 
 
 def _table(document: Node) -> dict[str, Json]:

@@ -276,6 +276,10 @@ class _Reader:
                 f"an anchor &{_excerpt(event.anchor)}, expected plain data: write the value out", event
             )
         ignored = isinstance(event, CollectionStartEvent) and event.tag in self.ignored_tags
+        if event.tag is not None and "python/" in event.tag and not ignored:
+            raise self.error(
+                "a Python object, which no file may build: write its numbers, such as K.tolist()", event
+            )
         if event.tag is not None and not ignored:
             raise self.error(f"a tag {_excerpt(event.tag)}, expected plain data: remove it", event)
 

@@ -11,7 +11,7 @@ import pytest
 
 from calibrary import parsers
 from calibrary.calibration import Calibration
-from calibrary.distortion import NoDistortion
+from calibrary.distortion import BrownConrady, KannalaBrandt, NoDistortion
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers.format import LOST_LENS
 from tests.parsers.mutants import LOST, mutated
@@ -41,10 +41,8 @@ def read(data: bytes | str | object, name: str = "camera.json") -> Sequence[Cali
     [
         ({"distortion_model": "equidistant", "D": [-0.1131, 0.0247, 0.0002, -0.0004]}, "'D' (-0.1131"),
         ({"distortion": {"radial_terms": [-0.1131, 0.0247]}}, "'distortion.radial_terms'"),
-        ({"distortion_params": "-0.1131, 0.0247, 0.0002, -0.0004"}, "'distortion_params'"),
         ({"warp": [-0.1131, 0.0247, 0.0002, -0.0004]}, "'warp'"),
         ({"lens_model": "fisheye"}, "'lens_model' (fisheye)"),
-        ({"camera_calibration": {"dist_coefs": [[-0.1131, 0.0247, 0.0002, -0.0004]]}}, "dist_coefs"),
     ],
 )
 def test_a_lens_in_other_words_makes_the_distortion_unknown_and_is_named(more: object, named: str) -> None:
@@ -52,6 +50,19 @@ def test_a_lens_in_other_words_makes_the_distortion_unknown_and_is_named(more: o
     [item] = read({**TRANSFORMS, **more})
     assert item.distortion is None
     assert any("not understood" in note and named in note for note in item.notes)
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"distortion_params": "-0.1131, 0.0247, 0.0002, -0.0004"},
+        {"camera_calibration": {"dist_coefs": [[-0.1131, 0.0247, 0.0002, -0.0004]]}},
+    ],
+)
+def test_a_lens_in_words_of_people_is_read(more: object) -> None:
+    assert isinstance(more, dict)
+    [item] = read({**TRANSFORMS, **more})
+    assert item.distortion == BrownConrady(k1=-0.1131, k2=0.0247, p1=0.0002, p2=-0.0004)
 
 
 @pytest.mark.parametrize(
@@ -110,8 +121,8 @@ def test_a_number_is_not_used_because_another_is_equal(key: str) -> None:
 
 
 def test_a_model_under_a_key_of_coefficients_counts() -> None:
-    with pytest.raises(ParseError, match=r"distortion_vector.*equidistant"):
-        read(ROS.replace("distortion_model: plumb_bob", "distortion_vector: equidistant"), "camera.yaml")
+    [item] = read(ROS.replace("distortion_model: plumb_bob", "distortion_vector: equidistant"), "camera.yaml")
+    assert isinstance(item.distortion, KannalaBrandt)
 
 
 def test_the_name_of_another_lens_that_contains_the_name_of_the_one_read_counts() -> None:
@@ -123,7 +134,7 @@ def test_the_name_of_another_lens_that_contains_the_name_of_the_one_read_counts(
         '<distortion_coefficients type_id="opencv-matrix"><rows>1</rows><cols>4</cols><dt>d</dt>'
         "<data>-0.1131 0.0247 0.0002 -0.0004</data></distortion_coefficients></opencv_storage>"
     )
-    with pytest.raises(ParseError, match=r"camera_type.*inverse_brown_conrady"):
+    with pytest.raises(UnsupportedModelError, match=r"camera_type.*inverse_brown_conrady"):
         read(xml, "camera.xml")
 
 

@@ -15,7 +15,7 @@ import pytest
 from calibrary import parsers
 from calibrary.cli.main import main
 from calibrary.errors import ParseError, UnknownFormatError
-from calibrary.parsers.content import HEAD_BYTES, MAX_JSON_BYTES, Content
+from calibrary.parsers.content import MAX_JSON_BYTES, Content
 from calibrary.parsers.discovery import format_named
 from calibrary.parsers.files import MAX_BYTES
 from calibrary.parsers.xml import parse_xml
@@ -94,14 +94,6 @@ def test_a_raised_limit_lifts_that_of_json(tmp_path: Path) -> None:
     [camera] = parsers.read(path, max_bytes=MAX_BYTES + 1)
     assert camera.intrinsics.fx == pytest.approx(3400)
     assert parsers.identify(path, max_bytes=MAX_BYTES + 1).format.name == "opensfm"
-
-
-@pytest.mark.parametrize("cut", range(15))
-def test_a_line_that_the_head_ends_in_is_not_looked_at(cut: int) -> None:
-    rows = b"width_px = 4000\nheight_px = 3000\nfx_px = 3000.5\n"
-    comment = b"#" * (HEAD_BYTES - len(rows) - cut - 1) + b"\n"
-    claim = format_named("keyed_text").sniff(Content(rows + comment + b"fy_px = 3000.5\n" * 2, "x"))
-    assert claim is not None
 
 
 def many(record: str, count: int) -> bytes:

@@ -10,7 +10,7 @@ import pytest
 
 from calibrary import parsers
 from calibrary.calibration import Calibration
-from calibrary.errors import MissingTagError, ParseError, UnknownFormatError, UnsupportedModelError
+from calibrary.errors import MissingTagError, ParseError, UnsupportedModelError
 from tests.parsers.peers import assert_projects_as_opencv
 from tests.parsers.samples import Sample
 
@@ -31,9 +31,6 @@ NAMED: dict[str, Any] = {
 }
 SAMPLES = {
     "multical": Sample(json.dumps(RIG).encode()),
-    "multiview_calib": Sample(
-        json.dumps({k: {"image_size": [752, 480], **v} for k, v in NAMED.items()}).encode()
-    ),
 }
 
 
@@ -68,11 +65,6 @@ def test_cameras_by_name_have_any_of_opencvs_keys() -> None:
         read(NAMED)
 
 
-def test_a_mapping_that_is_no_camera_makes_another_file() -> None:
-    with pytest.raises(UnknownFormatError):
-        read({**NAMED, "board": {"rows": 3}}, image_size=(752, 480))
-
-
 @pytest.mark.parametrize(
     ("key", "value", "kind", "match"),
     [
@@ -90,5 +82,3 @@ def test_a_broken_rig_names_what_is_wrong(key: str, value: Any, kind: type[Excep
 def test_cameras_without_number_are_refused() -> None:
     with pytest.raises(ParseError, match="over 1000 cameras, the most"):
         read({"cameras": dict.fromkeys(map(str, range(1001)), RIG["cameras"]["left"])})
-    with pytest.raises(ParseError, match="at most 1000"):
-        read({str(index): {} for index in range(1001)}, format="multiview_calib")

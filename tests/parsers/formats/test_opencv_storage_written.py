@@ -49,7 +49,7 @@ def test_coefficients_that_are_all_zero_are_no_distortion() -> None:
         ("dt: d", "dt: 2d", "one number each"),
         ("image_width: 5472", "image_width: 5472.5", "image size"),
         ("image_width: 5472", "image_width: 0", "image size"),
-        ("!!opencv-matrix", "!!python/object", "tag"),
+        ("!!opencv-matrix", "!!python/object", "a Python object"),
         ("image_height", "image_width", "image_width"),
     ],
 )
@@ -85,7 +85,7 @@ def test_python_programs_nested_lists_are_read_and_said_to_be_guessed() -> None:
         provenance=calibration.provenance,
         notes=calibration.notes,
     )
-    assert "has the shape" in calibration.notes[0]
+    assert "the file does not say where cx and cy count from" in calibration.notes[0]
 
 
 @pytest.mark.parametrize("suffix", SYNTAXES)

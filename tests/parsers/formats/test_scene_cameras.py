@@ -12,7 +12,7 @@ import pytest
 from calibrary import parsers
 from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import BrownConrady, NoDistortion
-from calibrary.errors import MissingTagError, ParseError, UnknownFormatError
+from calibrary.errors import MissingTagError, ParseError, UnknownFormatError, UnsupportedModelError
 from tests.parsers.peers import assert_projects_as_opencv
 from tests.parsers.samples import Sample
 
@@ -29,7 +29,6 @@ SPLATS: list[dict[str, Any]] = [
     for n, fx in enumerate((433.2, 433.2, 500.5))
 ]  # fmt: skip
 NSVF = "433.2 371.6 238.3 0.\n0. 0. 0.\n0.\n1.\n480 752\n"
-K_TEXT = "433.2 0.0 371.6 0.0\n0.0 432.9 238.3 0.0\n0.0 0.0 1.0 0.0\n0.0 0.0 0.0 1.0\n"
 MVSNET = """extrinsic
 1.0 0.0 0.0 -191.0
 0.0 1.0 0.0 3.3
@@ -71,15 +70,14 @@ NUSCENES: list[dict[str, Any]] = [
 ]  # fmt: skip
 SAMPLES = {
     "record3d": Sample(json.dumps(RECORD3D).encode()),
-    "pinhole_json": Sample(json.dumps(POLYCAM).encode()),
+    "polycam": Sample(json.dumps(POLYCAM).encode()),
     "gaussian_cameras": Sample(json.dumps(SPLATS).encode()),
     "nsvf_intrinsics": Sample(NSVF.encode()),
-    "k_text": Sample(K_TEXT.encode()),
     "mvsnet_cam": Sample(MVSNET.encode()),
     "named_pinholes": Sample(SCANNET.encode()),
     "nuscenes": Sample(json.dumps(NUSCENES).encode()),
 }
-CORNER = {"record3d", "pinhole_json", "nsvf_intrinsics", "mvsnet_cam"}
+CORNER = {"record3d", "polycam", "nsvf_intrinsics", "mvsnet_cam"}
 
 
 def read(document: object, **named: Any) -> Sequence[Calibration]:
@@ -93,9 +91,7 @@ def read(document: object, **named: Any) -> Sequence[Calibration]:
 
 @pytest.mark.parametrize("name", [name for name in SAMPLES if name != "gaussian_cameras"])
 def test_k_is_the_programs_own(name: str) -> None:
-    item = read(
-        SAMPLES[name].data, image_size=SIZE if name in {"k_text", "mvsnet_cam", "nuscenes"} else None
-    )[0]
+    item = read(SAMPLES[name].data, image_size=SIZE if name in {"mvsnet_cam", "nuscenes"} else None)[0]
     offset = 0.0 if name in CORNER else 0.5
     fy = 433.2 if name == "nsvf_intrinsics" else 432.9
     K = item.intrinsics
@@ -104,11 +100,9 @@ def test_k_is_the_programs_own(name: str) -> None:
     assert item.provenance.assumptions
 
 
-@pytest.mark.parametrize(
-    "name", ["pinhole_json", "nsvf_intrinsics", "k_text", "mvsnet_cam", "named_pinholes", "nuscenes"]
-)
+@pytest.mark.parametrize("name", ["polycam", "nsvf_intrinsics", "mvsnet_cam", "named_pinholes", "nuscenes"])
 def test_the_caller_knows_where_it_counts_from(name: str) -> None:
-    size = SIZE if name in {"k_text", "mvsnet_cam", "nuscenes"} else None
+    size = SIZE if name in {"mvsnet_cam", "nuscenes"} else None
     both = [
         read(SAMPLES[name].data, image_size=size, options={"origin": origin})[0]
         for origin in ("corner", "centre")
@@ -117,7 +111,7 @@ def test_the_caller_knows_where_it_counts_from(name: str) -> None:
     assert "as the caller says" in both[0].provenance.assumptions[0]
 
 
-@pytest.mark.parametrize("name", ["k_text", "mvsnet_cam", "nuscenes"])
+@pytest.mark.parametrize("name", ["mvsnet_cam", "nuscenes"])
 def test_the_image_size_is_asked_for(name: str) -> None:
     with pytest.raises(MissingTagError, match="--image-size"):
         read(SAMPLES[name].data)
@@ -141,10 +135,8 @@ def test_coefficients_by_name_are_opencvs() -> None:
 
 
 def test_names_of_a_program_with_a_model_of_its_own_are_left_to_it() -> None:
-    with pytest.raises(UnknownFormatError):
+    with pytest.raises(UnsupportedModelError, match=r"camera_model.*'DS'"):
         read({**PINHOLE, "camera_model": "DS"})
-    with pytest.raises(ParseError, match="camera_model belongs"):
-        read({**PINHOLE, "camera_model": "DS"}, format="pinhole_json")
 
 
 def test_splats_of_one_camera_are_read_once() -> None:
@@ -241,7 +233,7 @@ def test_record3ds_k_runs_down_the_columns() -> None:
         ("named_pinholes", SCANNET.replace("fy_color = 432.9\n", ""), "no fy_color"),
         ("named_pinholes", MIDDLEBURY.replace("cam1", "cam0"), "duplicate key"),
         ("nuscenes", [NUSCENES[0], NUSCENES[0]], "duplicate token"),
-        ("pinhole_json", {**PINHOLE, "fx": None}, "empty, expected a number"),
+        ("hand_made", {**PINHOLE, "fx": None}, "empty, expected a number"),
     ],
 )  # fmt: skip
 def test_a_broken_file_names_what_is_wrong(name: str, document: object, match: str) -> None:
