@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import partial
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING, TypeAlias
 
 from msgspec import Struct, field
@@ -184,36 +184,37 @@ def at(node: Node, path: str) -> Node:
     Raises:
         ParseError: there is none; of several paths, the message is of the first.
     """
-    found = find(node, path)
-    return _followed(node, path.partition("|")[0]) if found is None else found
+    found = find(node, path) or _followed(node, path.partition("|")[0], is_needed=True)
+    return found or node
 
 
 def find(node: Node, path: str) -> Node | None:
     """The value at a path, None if there is none or if it is null."""
-    for one in path.split("|"):
-        try:
-            found = _followed(node, one)
-        except ParseError:
-            continue
-        if found.value is not None:
-            return found
-    return None
+    every = (_followed(node, one, is_needed=False) for one in path.split("|"))
+    return next((found for found in every if found is not None and found.value is not None), None)
 
 
-def _followed(node: Node, path: str) -> Node:
-    for key, first, colon, last in _STEP.findall(path):
-        if key == ANY and isinstance(node.value, dict):
-            node = node[next(iter(node.value), ANY)]
-        elif key:
+def _followed(node: Node, path: str, *, is_needed: bool) -> Node | None:
+    for step, first, colon, last in _steps(path):
+        value = node.value
+        key = next(iter(value), ANY) if step == ANY and isinstance(value, dict) else step
+        if key and (is_needed or (isinstance(value, dict) and key in value)):
             node = node[key]
         elif colon:
             part: list[Json] = [*_all_numbers(node)[int(first or 0) : int(last) if last else None]]
             node = Node(part, source=node.source, place=f"{node.place}[{first}:{last}]")
-        elif not isinstance(node.value, list) or int(first) >= len(node.value):
+        elif first and isinstance(value, list) and int(first) < len(value):
+            node = Node(value[int(first)], source=node.source, place=f"{node.place or ''}[{first}]")
+        elif is_needed:
             node.fail(f"expected a list of more than {first} items")
         else:
-            node = Node(node.value[int(first)], source=node.source, place=f"{node.place or ''}[{first}]")
+            return None
     return node
+
+
+@lru_cache(maxsize=512)
+def _steps(path: str) -> tuple[tuple[str, str, str, str], ...]:
+    return tuple(_STEP.findall(path))
 
 
 def numbers_at(node: Node, paths: Iterable[str], missing: float | None = None) -> list[float]:
