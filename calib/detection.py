@@ -7,9 +7,8 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
-from itertools import islice
 from pathlib import Path
 from typing import Final, Self
 
@@ -18,7 +17,7 @@ from msgspec import Struct, field
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.board import LARGEST, Board, Pattern
-from calibrary.calib.detectors.checkerboard import FEWEST_ALONG_A_SIDE, find_checkerboard, whole_size
+from calibrary.calib.detectors.checkerboard import FEWEST_ALONG_A_SIDE, find_checkerboard
 from calibrary.calib.detectors.circles import find_circles
 from calibrary.calib.detectors.markers import find_aprilgrid, find_charuco
 from calibrary.calib.detectors.refinement import DETECTION_SIDE, reduced
@@ -27,6 +26,7 @@ from calibrary.calib.frames import Frame, Gray, Setting, frame_size, group_frame
 from calibrary.calib.image_circle import brightness, find_circle
 from calibrary.calib.observations import Observations, View
 from calibrary.calib.opencv_state import one_thread, quiet
+from calibrary.calib.search import Seen, board_of, contradiction, look_until_sure
 from calibrary.calib.view_quality import judge_repeats, judge_view
 from calibrary.calibration import CameraKey, ImageSize, Origin, canonical_from_file
 from calibrary.errors import CalibrationError, InputError
@@ -46,11 +46,9 @@ WORTH_A_POOL = 100_000_000
 
 REASONS_SHOWN = 3
 FRAMES_TRIED = 8
-"""Number of images searched for other board sizes, to report what they show instead."""
+"""Number of images searched for other boards, to report what they show instead."""
 
-NO_SUCH_BOARD: Final = (Reason.NO_BOARD, Reason.LARGER_BOARD, Reason.UNEVEN)
-MOST_IMAGES = 40
-ENOUGH_VOTES = 3
+NO_SUCH_BOARD: Final = (Reason.NO_BOARD, Reason.LARGER_BOARD, Reason.UNEVEN, Reason.FEW_POINTS)
 
 QUICK_SIDE: Final = 640
 """px of the copy; a board of eleven squares across a third of it still has squares of twenty pixels."""
@@ -165,8 +163,7 @@ def detect_all(
 
     Args:
         frames: image files of one camera at one focus setting.
-        board: board to search for; or the side of its squares in mm (None if unknown), when the number of corners is
-            found by trial.
+        board: board to search for; or the side of its squares in mm (None if unknown), when it is found by trial.
         setting: common metadata of the images; see :func:`calibrary.calib.frames.the_one_setting`. None if there is no
             metadata.
         workers: number of processes; 0 uses all processor cores if this saves time.
@@ -179,10 +176,10 @@ def detect_all(
         InputError: there are no images, they differ in size, or the board is too small to detect.
         CalibrationError: no image shows the board.
     """
-    notes: tuple[str, ...] = ()
+    notes: list[str] = []
     if not isinstance(board, Board):
-        board = try_board_sizes(frames, board)
-        notes = (f"the board was taken for {board}, which was found by trying",)
+        board, note = find_board(frames, board)
+        notes.append(note)
     check_detectable(board)
     size = _common_size(frames)
     looked: list[SearchedImage] = []
@@ -195,8 +192,8 @@ def detect_all(
     views = [one.view for one in looked if one.view is not None and one.rejection is None]
     if not views:
         raise CalibrationError(_nothing_found(frames, board, looked))
-    if larger := _larger_board(frames, board, looked):
-        raise CalibrationError(larger)
+    if other := _other_board(frames, board, looked):
+        raise CalibrationError(other)
     looked = _with_repeats(looked, views)
     kept = [one for one in looked if one.rejection is None]
     camera = setting.camera if setting is not None else CameraKey()
@@ -215,7 +212,7 @@ def detect_all(
             NamedRemark.of(one.name, one.rejection) for one in looked if one.rejection is not None
         ),
         remarks=tuple(NamedRemark.of(one.name, remark) for one in kept for remark in one.remarks),
-        notes=notes,
+        notes=tuple(notes),
         files=_files(frames, observations),
     )
 
@@ -241,18 +238,21 @@ def _files(frames: Sequence[Path], observations: Observations) -> dict[str, Path
     }
 
 
-def try_board_sizes(frames: Sequence[Path], square_mm: float | None) -> Board:
-    """Find the checkerboard in images when its number of corners is unknown.
+def find_board(frames: Sequence[Path], square_mm: float | None) -> tuple[Board, str]:
+    """Find the board in images when it is not known.
 
     Args:
         frames: image files; only as many as needed are read.
         square_mm: side of a square in mm; None if unknown.
 
+    Returns:
+        The board, and a note for the user.
+
     Raises:
         CalibrationError: no board is found, or the images disagree.
     """
-    columns, rows = find_board_size(frame.gray for frame in _readable(frames))
-    return Board(columns=columns, rows=rows, square_mm=square_mm)
+    board, described = board_of(look_until_sure(frame.gray for frame in _readable(frames)), square_mm)
+    return board, f"the board was taken for {described}, which was found by trying"
 
 
 def _readable(frames: Sequence[Path]) -> Iterator[Frame]:
@@ -316,20 +316,23 @@ def _nothing_found(frames: Sequence[Path], board: Board, looked: Sequence[Search
     counts = Counter(rejection.reason for _, rejection in rejections)
     if counts.total() == sum(counts[reason] for reason in NO_SUCH_BOARD):
         message = f"no {board} found in any of {len(frames)} frames"
-        if board.pattern is not Pattern.CHECKERBOARD:
-            return f"{message}; check the board's pattern, size and dictionary"
         try:
-            columns, rows = find_board_size(frame.gray for frame in _readable(frames[:FRAMES_TRIED]))
-        except CalibrationError:
-            return f"{message}, nor a checkerboard of any other size; the whole board must be visible, sharp and lit"
-        return f"{message}, but one of {columns}×{rows} inner corners; give checkerboard:{columns}x{rows}"
+            seen, described = board_of(_looked_at(frames), board.square_mm)
+        except CalibrationError as error:
+            return f"{message}; {error}"
+        if other := contradiction(board, seen):
+            return f"{message}, but {other}"
+        if board.pattern is Pattern.CHECKERBOARD or board.has_markers:
+            message = f"{described} is seen, but in none of {len(frames)} frames can it be used"
+    else:
+        message = f"none of {len(frames)} frames can be used"
     shown = "; ".join(f"{name}: {rejection.text}" for name, rejection in rejections[:REASONS_SHOWN])
     more = f"; and {len(rejections) - REASONS_SHOWN} more" if len(rejections) > REASONS_SHOWN else ""
-    return f"none of {len(frames)} frames can be used: {shown}{more}"
+    return f"{message}: {shown}{more}"
 
 
-def _larger_board(frames: Sequence[Path], board: Board, looked: Sequence[SearchedImage]) -> str | None:
-    """Return the error message where most images do not show the board but a larger one, a part of which passed for it.
+def _other_board(frames: Sequence[Path], board: Board, looked: Sequence[SearchedImage]) -> str | None:
+    """Return the error message where most images do not show the board but another one, of which a part passed for it.
 
     At the edge of a fisheye image the squares beyond such a part are too bent to be recognised as its own.
     """
@@ -338,20 +341,22 @@ def _larger_board(frames: Sequence[Path], board: Board, looked: Sequence[Searche
         for path, one in zip(frames, looked, strict=True)
         if one.rejection is not None and one.rejection.reason in NO_SUCH_BOARD
     ]
-    if board.pattern is not Pattern.CHECKERBOARD or 2 * len(lost) <= len(looked):
+    if 2 * len(lost) <= len(looked):
         return None
     try:
-        columns, rows = find_board_size(frame.gray for frame in _readable(lost[:FRAMES_TRIED]))
+        seen, _ = board_of(_looked_at(lost), board.square_mm)
     except CalibrationError:
         return None
-    # A board of the same size, turned by 90°, has the same two numbers.
-    given = sorted((board.columns, board.rows))
-    if (columns, rows) == tuple(reversed(given)) or columns < given[1] or rows < given[0]:
+    other = contradiction(board, seen)
+    if other is None or (
+        seen.pattern is board.pattern and seen.columns * seen.rows < board.columns * board.rows
+    ):
         return None
-    return (
-        f"{board} passes for a part of the board in {len(looked) - len(lost)} of {len(looked)} frames; the board has "
-        f"{columns}×{rows} inner corners; give checkerboard:{columns}x{rows}"
-    )
+    return f"{board} passes for a part of the board in {len(looked) - len(lost)} of {len(looked)} frames, but {other}"
+
+
+def _looked_at(frames: Sequence[Path]) -> list[Seen]:
+    return look_until_sure(frame.gray for frame in _readable(frames[:FRAMES_TRIED]))
 
 
 def _workers(wanted: int, frames: int, size: ImageSize) -> int:
@@ -381,43 +386,6 @@ def _start_worker() -> None:
 
     cv2.setNumThreads(1)
     end_with_parent()
-
-
-def find_board_size(images: Iterable[Gray]) -> tuple[int, int]:
-    """Return (columns, rows) of inner corners of the checkerboard in the images, with columns ≥ rows.
-
-    In each image a lattice is grown from any piece of board and searched for what a given size is checked by, which
-    recognises a part of a larger board by the squares beyond it. The result is the first size that three images agree
-    on, with at most one that disagrees.
-
-    Args:
-        images: images of one board, (H, W) each; one is enough, several are safer. Only as many as needed are read.
-
-    Raises:
-        CalibrationError: no size fits, or two sizes fit equally well.
-    """
-    fits: Counter[tuple[int, int]] = Counter()
-    count = 0
-    for image in islice(images, MOST_IMAGES):
-        count += 1
-        size = whole_size(image, LARGEST)
-        fits.update([size] if size is not None else [])
-        (first, ahead), (_, behind) = (*fits.most_common(2), ((0, 0), 0), ((0, 0), 0))[:2]
-        if ahead >= ENOUGH_VOTES and behind <= 1:
-            return first
-    best = max(fits.values(), default=0)
-    winners = [size for size, votes in fits.items() if votes == best]
-    if not winners:
-        raise CalibrationError(
-            f"no checkerboard found in {count} frames by trying sizes; name its inner corners, such as "
-            "checkerboard:11x8"
-        )
-    if len(winners) > 1:
-        sizes = " and ".join(f"{columns}×{rows}" for columns, rows in winners)
-        raise CalibrationError(
-            f"checkerboards of {sizes} inner corners fit {best} of {count} frames each; name the right one"
-        )
-    return winners[0]
 
 
 def shows_board(path: Path, board: Board | None = None) -> bool:

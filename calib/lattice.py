@@ -24,9 +24,9 @@ PLAIN = 0.35
 """Largest spread inside a square, relative to its contrast with the squares around it."""
 
 LINES_EXTRAPOLATED_FROM = 3
-BEYOND_CORNERS: Final = (-0.45, 0.0)
+BEYOND_CORNERS: Final = ((-0.45, 0.0), (-0.25, 0.0))
 BEYOND_SQUARES: Final = (-1.45, -1.0)
-"""Rows in which squares beyond the board are searched; the outermost squares are often cut narrower."""
+"""Rows in which squares beyond the board are searched; the outermost squares are often cut narrower, to a third."""
 HALF = 0.5
 """Relative to the board's own contrast."""
 LEAST_STEP: Final = 0.25
@@ -163,7 +163,7 @@ def overhangs(gray: Gray, lattice: Lattice) -> str | None:
     corners have squares on every side, so the area just beyond the outermost ones must still alternate.
     """
     for name, side in _sides(lattice):
-        if _relief_beyond(gray, side, BEYOND_CORNERS) > -HALF:
+        if min(_relief_beyond(gray, side, rows) for rows in BEYOND_CORNERS) > -HALF:
             return name
     return None
 
@@ -217,12 +217,18 @@ def beyond(lattice: Lattice, rows: tuple[float, ...]) -> Lattice:
     return np.asarray(np.einsum("tn,ncx->tcx", weights, near))
 
 
-def homography(places: FloatArray, seen: FloatArray) -> FloatArray | None:
-    """Fit a homography, (3, 3), by least squares in the image; return None if the points do not determine one."""
+def homography(places: FloatArray, seen: FloatArray, *, robustly: bool = False) -> FloatArray | None:
+    """Fit a homography, (3, 3), by least squares in the image; return None if the points do not determine one.
+
+    Args:
+        places: (N, 2) on the plane.
+        seen: (N, 2) px.
+        robustly: whether up to half of the points may be wrong.
+    """
     import cv2
 
     # OpenCV's type stubs do not state that the result may be None.
-    H: object = cv2.findHomography(places, seen)[0]
+    H: object = cv2.findHomography(places, seen, cv2.LMEDS if robustly else 0)[0]
     return None if H is None else np.asarray(H, dtype=np.float64)
 
 

@@ -23,6 +23,9 @@ FEWEST_ALONG_A_SIDE = 3
 MOSTLY = 0.5
 """Share of the corners of a row or column from which it belongs to the board."""
 
+NEARLY = 0.9
+"""Share of the corners of a grown piece from which its number of rows and columns is that of the board."""
+
 LARGEST_SHIFT = 0.5
 """Largest shift of a corner by the measurement, in spacings; a larger one means a jump to another corner."""
 
@@ -63,24 +66,35 @@ def find_checkerboard(gray: Gray, board: Board) -> Found | NotFound:
     return whole if isinstance(part, NotFound) and part.text.startswith("no ") else part
 
 
-def whole_size(gray: Gray, largest: int) -> tuple[int, int] | None:
-    """Return (columns, rows) of the inner corners of a checkerboard that is visible as a whole, with columns ≥ rows.
+def grown_board(gray: Gray, largest: int) -> tuple[tuple[int, int] | None, Found | NotFound]:
+    """Grow the largest piece of a checkerboard, of any size.
 
     Args:
         gray: (H, W).
         largest: largest number of corners along a side.
+
+    Returns:
+        (columns, rows) of the piece with columns ≥ rows, None without one; and its points if it is a whole board, or
+        the reason why it is none.
     """
     small, scale = reduced(gray)
     lattice = grown(gray, small, largest)
     lattice = _without_strays(lattice) if lattice is not None else None
-    if lattice is None or not np.isfinite(lattice).all():
-        return None
+    if lattice is None:
+        return None, NotFound(reason=Reason.NO_BOARD, text="no piece of a checkerboard")
     if lattice.shape[0] > lattice.shape[1]:
         lattice = np.rot90(lattice)
     rows, columns = lattice.shape[:2]
     board = Board(columns=columns, rows=rows, square_mm=None)
-    found = _measured(gray, board, small, (lattice + 0.5) / scale - 0.5)
-    return (columns, rows) if isinstance(found, Found) else None
+    known = np.isfinite(lattice[..., 0])
+    if known.all():
+        found = _measured(gray, board, small, (lattice + 0.5) / scale - 0.5)
+    elif known.mean() >= NEARLY:
+        found = find_checkerboard(gray, board)
+    else:
+        text = f"{known.sum()} of {columns}×{rows} corners seen"
+        found = NotFound(reason=Reason.FEW_POINTS, text=text)
+    return (columns, rows), found
 
 
 def _without_strays(lattice: FloatArray) -> FloatArray | None:

@@ -48,7 +48,8 @@ LEAST_RELIEF = 8.0
 """Gray levels; fainter squares cannot be distinguished from noise."""
 MOST_GROWN = 6
 """Largest number of seeds of one copy that are grown."""
-_QUADRANTS: Final = np.array([(1, 1), (-1, -1), (-1, 1), (1, -1)]) * 0.32
+_SIGNS: Final = np.array([(1.0, 1.0), (-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0)])
+_AROUND: Final = np.array([(0.75, 0.75), (1.25, 0.75), (0.75, 1.25), (1.25, 1.25), (1.0, 1.0)])
 REACH = 3
 """Distance in rows and columns up to which known corners predict the next one."""
 CURVED_FROM = 9
@@ -62,8 +63,9 @@ FAINTEST = 0.35
 UNEVEN, STANDS_OUT = 0.8, 0.35
 """Largest difference of opposite quadrants of a corner, relative to its contrast; and largest excess over that of the
 typical corner. On the edge of the board, where one of four quadrants is paper, it is 1 to 2."""
-QUADRANT: Final = 0.32
-"""Position at which a quadrant is sampled, as a share of the steps to the neighbours."""
+QUADRANTS: Final = (0.32, 0.16)
+"""Positions at which a quadrant is sampled, as shares of the steps to the neighbours; the nearer one lies within the
+outer squares of a board even if these are cut to a third of their width."""
 SURE = 0.7
 """Share of a seed's points that must be corners."""
 
@@ -159,9 +161,9 @@ def _seeds(gray: Gray, sigma: float) -> Iterator[Lattice]:
 def _alternates(levels: Levels, seeds: FloatArray, across: FloatArray, down: FloatArray) -> NDArray[np.bool_]:
     """Return which of the (N, 3, 3, 2) seeds have alternating dark and light quadrants around their corners."""
     sides = np.stack([across, down], axis=1)
-    x, y = np.rint(np.moveaxis(seeds[..., None, :] + (_QUADRANTS @ sides)[:, None, None], -1, 0)).astype(
-        np.intp
-    )
+    x, y = np.rint(
+        np.moveaxis(seeds[..., None, :] + (QUADRANTS[0] * _SIGNS @ sides)[:, None, None], -1, 0)
+    ).astype(np.intp)
     height, width = levels.shape
     inside = ((x >= 0) & (y >= 0) & (x < width) & (y < height)).all(axis=(1, 2, 3))
     a, b, c, d = np.moveaxis(levels[y.clip(0, height - 1), x.clip(0, width - 1)], -1, 0)
@@ -342,11 +344,16 @@ class _Growth:
     ) -> tuple[float, float]:
         """Return the contrast of two opposite quadrants to the other two, and the largest difference within a pair.
 
-        The sign of the contrast is reversed at every second corner, so that it is the same for the whole board.
+        The sign of the contrast is reversed at every second corner, so that it is the same for the whole board. Where
+        the quadrants are not those of a corner, they are sampled nearer to it.
         """
-        s = np.array([(1, 1), (-1, -1), (-1, 1), (1, -1)], dtype=np.float64) * QUADRANT
-        inner = np.array([(0.75, 0.75), (1.25, 0.75), (0.75, 1.25), (1.25, 1.25), (1.0, 1.0)])
-        offsets = s[:, None] * inner
+        seen = self._sampled(place, corner, across, down, QUADRANTS[0])
+        return seen if self._is_corner(seen) else self._sampled(place, corner, across, down, QUADRANTS[1])
+
+    def _sampled(
+        self, place: Place, corner: FloatArray, across: FloatArray, down: FloatArray, at: float
+    ) -> tuple[float, float]:
+        offsets = at * _SIGNS[:, None] * _AROUND
         x, y = np.moveaxis(corner + offsets[..., :1] * across + offsets[..., 1:] * down, -1, 0)
         height, width = self._gray.shape
         column, row = np.rint(x).astype(np.intp), np.rint(y).astype(np.intp)

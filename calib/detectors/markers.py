@@ -43,16 +43,15 @@ def find_charuco(gray: Gray, board: Board) -> Found | NotFound:
     Returns:
         Points in px with OpenCV's pixel origin.
     """
-    import cv2
-
     dictionary = _dictionary(board)
-    sides = board.pitch, board.marker
-    charuco = cv2.aruco.CharucoBoard((board.columns + 1, board.rows + 1), *sides, dictionary)
-    detector = cv2.aruco.CharucoDetector(charuco)
+    # With an even number of rows of squares, OpenCV before 4.6 drew a marker in the first square.
+    layouts = (False, True) if board.rows % 2 else (False,)
+    detectors = [_charuco_detector(board, dictionary, legacy=legacy) for legacy in layouts]
 
     def look(small: Gray) -> tuple[IntArray, FloatArray]:
-        found: tuple[object, ...] = detector.detectBoard(small)
-        # OpenCV's type stubs do not state that both may be None.
+        found: tuple[Any, ...] = detectors[0].detectBoard(small)
+        if found[0] is None and found[3] is not None and len(detectors) > 1:
+            found = detectors[1].detectBoard(small, None, None, *found[2:4])
         if found[0] is None or found[1] is None:
             return np.empty(0, np.intp), np.empty((0, 2))
         corners, ids = np.reshape(np.asarray(found[0]), (-1, 2)), np.ravel(np.asarray(found[1]))
@@ -61,6 +60,15 @@ def find_charuco(gray: Gray, board: Board) -> Found | NotFound:
 
     free = (board.pitch - board.marker) / 2 / board.pitch
     return _measured(gray, board, look, FREE_USED * free)
+
+
+def _charuco_detector(board: Board, dictionary: Any, *, legacy: bool) -> Any:
+    import cv2
+
+    squares = board.columns + 1, board.rows + 1
+    charuco = cv2.aruco.CharucoBoard(squares, board.pitch, board.marker, dictionary)
+    charuco.setLegacyPattern(legacy)
+    return cv2.aruco.CharucoDetector(charuco)
 
 
 def find_aprilgrid(gray: Gray, board: Board) -> Found | NotFound:

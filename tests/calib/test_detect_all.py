@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from calibrary.arrays import FloatArray
-from calibrary.calib.detection import Detections, detect, detect_all, try_board_sizes
+from calibrary.calib.detection import Detections, detect, detect_all, find_board
 from calibrary.calib.found import Found, Reason, Remark
 from calibrary.calib.frames import Setting
 from calibrary.calib.observations import View
@@ -180,7 +180,8 @@ class TestFrames:
         path = tmp_path / "wall.png"
         path.write_bytes(encoded(np.full((480, 640), 90, np.uint8), "PNG"))
         with pytest.raises(
-            CalibrationError, match="no checkerboard:9x6 found in any of 1 frames, nor a checkerboard"
+            CalibrationError,
+            match="no checkerboard:9x6 found in any of 1 frames; neither squares nor markers",
         ):
             detect_all([path], BOARD)
 
@@ -188,7 +189,7 @@ class TestFrames:
     def test_a_wrong_board_size_is_answered_by_the_right_one(
         self, tmp_path: Path, columns: int, rows: int
     ) -> None:
-        with pytest.raises(CalibrationError, match=r"but one of 9×6 inner corners; give checkerboard:9x6"):
+        with pytest.raises(CalibrationError, match=r"it has 9×6 inner corners; give checkerboard:9x6"):
             detect_all(saved(tmp_path, 2), replace(BOARD, columns=columns, rows=rows))
 
     def test_where_most_frames_show_a_larger_board_it_is_named(self, tmp_path: Path) -> None:
@@ -196,14 +197,14 @@ class TestFrames:
         part.write_bytes(encoded(photograph("checkerboard:6x4")[0], "PNG"))
         with pytest.raises(
             CalibrationError,
-            match=r"in 1 of 3 frames; the board has 9×6 inner corners; give checkerboard:9x6",
+            match=r"in 1 of 3 frames, but it has 9×6 inner corners; give checkerboard:9x6",
         ):
             detect_all([part, *saved(tmp_path, 2)], replace(BOARD, columns=6, rows=4))
 
     def test_a_board_of_unknown_size_is_found_by_trying(self, tmp_path: Path) -> None:
         paths = saved(tmp_path, 2)
         (tmp_path / "broken.png").write_bytes(b"\x89PNG")
-        assert try_board_sizes([tmp_path / "broken.png", *paths], 40.0) == BOARD
+        assert find_board([tmp_path / "broken.png", *paths], 40.0)[0] == BOARD
 
     def test_opencvs_threads_are_left_as_they_were(self, tmp_path: Path) -> None:
         before = cv2.getNumThreads()

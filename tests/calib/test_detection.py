@@ -8,14 +8,14 @@ import pytest
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.board import Board, parse_board
-from calibrary.calib.detection import detect, find_board_size
+from calibrary.calib.detection import detect
 from calibrary.calib.detectors.checkerboard import _quick
 from calibrary.calib.detectors.refinement import DETECTION_SIDE, enlarged, half_window, reduced
 from calibrary.calib.detectors.reliability import reliable
 from calibrary.calib.found import Found, NotFound, Reason
 from calibrary.calib.synthesis import Settings, poses, render, seen_corners
 from calibrary.distortion import KannalaBrandt
-from calibrary.errors import CalibrationError, InputError
+from calibrary.errors import InputError
 from tests.calib.photographs import BOARD, Gray, photograph
 from tests.calib.staging import camera
 
@@ -153,29 +153,6 @@ class TestBoardsThatCannotBeLookedFor:
     def test_a_checkerboard_of_two_corners_a_side(self) -> None:
         with pytest.raises(InputError, match="at least 3 points"):
             detect(NOWHERE, Board(columns=2, rows=6, square_mm=40))
-
-
-class TestBoardSize:
-    @pytest.mark.parametrize(("columns", "rows"), [(9, 6), (8, 6), (7, 7), (6, 4)])
-    def test_it_is_found_by_trying(self, columns: int, rows: int) -> None:
-        name = f"checkerboard:{columns}x{rows}"
-        assert find_board_size([photograph(name, number)[0] for number in range(2)]) == (columns, rows)
-
-    def test_frames_without_a_board_do_not_vote(self) -> None:
-        assert find_board_size([NOWHERE, photograph()[0]]) == (BOARD.columns, BOARD.rows)
-
-    def test_no_board_is_said(self) -> None:
-        with pytest.raises(CalibrationError, match="no checkerboard found in 1 frames"):
-            find_board_size([NOWHERE])
-
-    def test_two_boards_are_a_question_for_the_user(self) -> None:
-        with pytest.raises(CalibrationError, match="name the right one"):
-            find_board_size([photograph("checkerboard:6x4")[0], photograph()[0]])
-
-    def test_no_more_frames_are_read_than_are_needed(self) -> None:
-        frames = iter([photograph(number=number)[0] for number in (0, 1, 2, 0, 1)])
-        find_board_size(frames)
-        assert len(list(frames)) == 2
 
 
 def test_a_board_at_the_edge_of_a_fisheyes_view_is_regular() -> None:

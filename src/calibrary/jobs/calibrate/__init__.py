@@ -80,7 +80,7 @@ def calibrate(
     Args:
         frames: files, folders and patterns; all of one camera at one focus setting. Of a video or a bag of ROS the
             sharpest frames are taken; a topic is named as in flight.bag:/cam0/image_raw.
-        board: the board, in inner corners: checkerboard:11x8 (default: a checkerboard whose size is found by trying).
+        board: the board, in inner corners: checkerboard:11x8 (default: found by trying, unless of circles).
         square_mm: side of a square; for circles, the distance of their centres. K does not depend on it; without it,
             poses and the board's warp are in squares.
         marker_mm: side of a marker, diameter of a circle (default: 3/4, 1/1.3 or 1/2 of the square).

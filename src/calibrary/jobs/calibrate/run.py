@@ -170,8 +170,8 @@ def observe(
     Args:
         frames: files.
         metadata: of the frames.
-        board: the board; or the side of its squares in mm, or None if unknown: the numbers of corners are then
-            found by trying.
+        board: the board; or the side of its squares in mm, or None if unknown: it is then found by
+            trying.
         workers: processes; 0 for automatic, up to the number of cores.
         progress: called with the number of frames done since the last call.
 

@@ -62,7 +62,7 @@ def calibrate_rig(
     Args:
         frames: folders, one for each camera; or files, folders or patterns whose names state camera and shot, as a
             payload writes them or as ``pattern`` says.
-        board: the board, in inner corners: checkerboard:11x8 (default: a checkerboard whose size is found by trying).
+        board: the board, in inner corners: checkerboard:11x8 (default: found by trying, unless of circles).
         square_mm: side of a square; for circles, the distance of their centres. Distances between cameras scale with
             it.
         marker_mm: side of a marker, diameter of a circle (default: 3/4, 1/1.3 or 1/2 of the square).

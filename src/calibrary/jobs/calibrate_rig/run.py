@@ -13,7 +13,7 @@ from msgspec import Struct
 from calibrary.calib.board import Board
 from calibrary.calib.corners_arrays import Corners
 from calibrary.calib.corners_file import FileName, read_corners, read_table
-from calibrary.calib.detection import Detections, try_board_sizes
+from calibrary.calib.detection import Detections, find_board
 from calibrary.calib.rig.estimation import RigResult, estimate_rig
 from calibrary.calib.rig.observations import RigObservations
 from calibrary.calibration import CameraKey
@@ -68,7 +68,7 @@ def detect_rig(
 
     Args:
         frames: paired frames.
-        board: the board, or the side of its squares in mm: the numbers of corners are then found by trying.
+        board: the board, or the side of its squares in mm: it is then found by trying.
         told: what the user states of the frames.
         workers: processes; 0 for automatic.
         progress: called with (frames done, number of frames, "frames").
@@ -85,8 +85,8 @@ def detect_rig(
     own = _told_apart(keys)
     notes = list(frames.notes)
     if not isinstance(board, Board):
-        board = try_board_sizes([path for name in frames.cameras for path in frames.of(name)], board)
-        notes.append(f"the board was taken for {board}, which was found by trying")
+        board, note = find_board([path for name in frames.cameras for path in frames.of(name)], board)
+        notes.append(note)
     cameras: dict[str, Detections] = {}
     total = sum(len(taken) for taken in frames.shots.values())
     advance = counted(progress, total, "frames")

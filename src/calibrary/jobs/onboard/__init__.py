@@ -56,7 +56,7 @@ def onboard(
         trust: the source to trust if sources disagree and nothing else decides.
         ask: asks the user for ``square_mm`` and ``serves`` if they are needed; called with the question and the flag
             that would answer it.
-        board: the board, in inner corners: checkerboard:11x8 (default: a checkerboard whose size is found by trying).
+        board: the board, in inner corners: checkerboard:11x8 (default: found by trying, unless of circles).
         marker_mm: side of a marker.
         flight: also calibrate from the flight, for a camera with 8 images or more in one folder; this adds one
             estimate (needs calibrary[sfm]; a few minutes).

@@ -83,7 +83,7 @@ class Onboarding(Struct, frozen=True, kw_only=True):
         registry: the registry for the proposal.
         camera: what the user states of the cameras, for those without a name.
         stated: provenance of calibrations that their sources do not state.
-        board: the board in the frames; None for a checkerboard with numbers of corners to be found by trying.
+        board: the board in the frames; None for one that is found by trying.
         square_mm: side of the board's squares; None to ask for it.
         serves: whether a measured K applies to this unit only; None to ask.
         ask: returns the user's answer to a question, given the flags that would answer it; None if nobody can be asked.
