@@ -11,6 +11,7 @@ import mmap
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -225,47 +226,52 @@ def group_frames(
 
 
 def the_one_setting(groups: Mapping[Setting, Sequence[Path]]) -> Setting:
-    """Return the setting that all images share.
+    """Return the setting that all images share; what some of them do not state may be what the others state.
 
     Raises:
-        InputError: the images differ in size, camera or focus; the message names the images of each.
+        InputError: the images state two sizes, cameras or focuses; the message names the images of each.
     """
-    sizes: dict[str, list[Path]] = {}
-    cameras: dict[CameraKey, list[Path]] = {}
-    focuses: dict[str, list[Path]] = {}
-    for setting, paths in groups.items():
-        sizes.setdefault("{}×{} px".format(*setting.image_size), []).extend(paths)
-        cameras.setdefault(replace(setting.camera, image_size=None), []).extend(paths)
-        focuses.setdefault(setting.focus or "a focus that is not stated", []).extend(paths)
     if not groups:
         raise InputError("no frames; give the images of the board")
-    if len(cameras) > 1:
-        raise InputError(_differing("cameras", _by_unique_name(cameras), "calibrate one camera at a time"))
-    if len(sizes) > 1:
-        raise InputError(
-            _differing(
-                "sizes",
-                sizes,
-                "calibrate one size at a time, or leave out those of another size than most with --skip-other-sizes",
+    shared: dict[str, object] = {}
+    for name in (one for one in CameraKey.__struct_fields__ if one != "image_size"):
+        stated = _stated(groups, partial(_field, name))
+        if len(stated) > 1:
+            remedy = "calibrate one camera at a time, or, if they are of one, say so with --" + name.replace(
+                "_", "-"
             )
-        )
+            labels = {f"{name.replace('_', '-')} {value}": paths for value, paths in stated.items()}
+            raise InputError(_differing("cameras", labels, remedy))
+        if name != "capture_mode":
+            shared[name] = next(iter(stated), None)
+    sizes = _stated(groups, lambda setting: "{}×{} px".format(*setting.image_size))
+    if len(sizes) > 1:
+        remedy = "calibrate one size at a time, or leave out those of another size than most with --skip-other-sizes"
+        raise InputError(_differing("sizes", sizes, remedy))
+    focuses = _stated(groups, lambda setting: setting.focus)
     if len(focuses) > 1:
-        remedy = "each focus has a focal length of its own: lock it, and calibrate one at a time"
+        remedy = (
+            "each focus has a focal length of its own: lock it, and calibrate one at a time, or, if it was locked, say "
+            "so with --focus"
+        )
         raise InputError(_differing("focus settings", focuses, remedy))
-    return next(iter(groups))
+    first = next(iter(groups))
+    return replace(first, camera=replace(first.camera, **shared), focus=next(iter(focuses), None))
 
 
-def _by_unique_name(cameras: Mapping[CameraKey, list[Path]]) -> dict[str, list[Path]]:
-    """Return each camera by its name; cameras with equal names get a distinguishing addition."""
-    differing = [
-        name for name in CameraKey.__struct_fields__ if len({getattr(key, name) for key in cameras}) > 1
-    ]
-    hidden = [name for name in differing if name in {"serial", "firmware"}]
-    named: dict[str, list[Path]] = {}
-    for key, paths in cameras.items():
-        parts = [f"{name} {getattr(key, name) or 'unknown'}" for name in hidden]
-        named.setdefault(", ".join([str(key), *parts]), []).extend(paths)
-    return named
+def _field(name: str, setting: Setting) -> object:
+    value = getattr(setting.camera, name)
+    # A camera that corrects its lens says so; one that does not says nothing.
+    return value if name != "capture_mode" else value or "none"
+
+
+def _stated(groups: Mapping[Setting, Sequence[Path]], of: Callable[[Setting], Any]) -> dict[Any, list[Path]]:
+    """Return the images by what they state."""
+    stated: dict[Any, list[Path]] = {}
+    for setting, paths in groups.items():
+        if (value := of(setting)) is not None:
+            stated.setdefault(value, []).extend(paths)
+    return stated
 
 
 def _differing(what: str, groups: Mapping[str, Sequence[Path]], remedy: str) -> str:

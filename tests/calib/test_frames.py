@@ -243,6 +243,17 @@ class TestSettings:
         frames = {Path(f"a/IMG_{number}.jpg"): self.shot() for number in range(4)} | {Path("a/ODD.jpg"): odd}
         return the_one_setting(group_frames(frames, frames.__getitem__))
 
+    @pytest.mark.parametrize(
+        "changes",
+        [
+            {"camera": CameraKey(make="Acme", model="A1")},
+            {"camera": CameraKey(firmware="1.0")},
+            {"focus": None},
+        ],
+    )
+    def test_a_frame_that_states_less_is_of_the_same(self, changes: dict[str, object]) -> None:
+        assert self.one_setting(self.shot(**changes)) == self.shot()
+
     def test_frames_alike_have_one(self) -> None:
         assert self.one_setting(self.shot()) == self.shot()
 
@@ -253,13 +264,20 @@ class TestSettings:
                 {"image_size": (480, 640)},
                 "2 sizes: 4 of 640×480 px (IMG_0.jpg, IMG_1.jpg, IMG_2.jpg, …); 1 of 480×640 px",
             ),
-            ({"camera": CameraKey(make="Acme", model="A2")}, "2 cameras: 4 of Acme A1 8.8 mm"),
+            (
+                {"camera": CameraKey(make="Acme", model="A2")},
+                "2 cameras: 4 of model A1 (IMG_0.jpg, IMG_1.jpg, IMG_2.jpg, …); 1 of model A2",
+            ),
             (
                 {"camera": CameraKey(make="Acme", model="A1", focal_mm=8.8, serial="ff00", firmware="1.0")},
-                "serial ff00",
+                "1 of serial ff00 (ODD.jpg); calibrate one camera at a time, or, if they are of one, say so with "
+                "--serial",
             ),
             ({"focus": "1.5 m"}, "2 focus settings: 4 of locked at infinity"),
-            ({"focus": None}, "1 of a focus that is not stated (ODD.jpg)"),
+            (
+                {"camera": CameraKey(make="Acme", model="A1", capture_mode="dewarped")},
+                "4 of capture-mode none",
+            ),
         ],
     )
     def test_frames_that_differ_are_named(self, changes: dict[str, object], expected: str) -> None:

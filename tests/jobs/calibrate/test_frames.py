@@ -77,7 +77,6 @@ def test_what_is_said_of_focus_stands_above_what_the_frames_say(tmp_path: Path) 
         (exif(model="Board Two"), "of 2 cameras"),
         (exif(firmware="02.00"), "firmware 02.00"),
         (exif(focus_m=(16, 10)), "of 2 focus settings"),
-        (exif(focus_m=None), "a focus that is not stated"),
     ],
 )
 def test_frames_that_differ_are_told_apart_in_one_line(tmp_path: Path, other: ExifTags, said: str) -> None:
