@@ -203,8 +203,7 @@ class Person(Thread):
 
     def exchange(self) -> Command:
         """Exchange commits with the remote, which changes nothing of one's own entries."""
-        kind = self.chance.choice(("pull", "push", "sync"))
-        return Command(kind, (kind,))
+        return Command("sync", ("sync",))
 
     def do(self, one: Command) -> None:
         """Give a command and compare what it left."""
@@ -219,7 +218,7 @@ class Person(Thread):
             self.complain(one, "half", code, found, before)
         elif found not in (before, after):
             self.complain(one, "half", code, found, after)
-        if code == 0 and one.kind in {"push", "sync"} and found_in(self.soak.remote, self.own) != found:
+        if code == 0 and one.kind == "sync" and found_in(self.soak.remote, self.own) != found:
             self.complain(one, "lost", code, found_in(self.soak.remote, self.own), found)
         self.known = found
 
@@ -263,7 +262,7 @@ class Person(Thread):
                 said.seek(0)
                 text = said.read()
                 # The remote may have another's commits, and a migration may have been done before its kill.
-                is_usual = code == 4 and (one.kind in {"pull", "push", "sync"} or b"already" in text)
+                is_usual = code == 4 and (one.kind == "sync" or b"already" in text)
                 if code and not is_usual:
                     # One's own entries are nobody else's: what is refused waits for a person.
                     self.hung += 1

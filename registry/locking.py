@@ -92,7 +92,7 @@ def locked(snapshot: Snapshot, lock_file: Path) -> Locked:
     if not repo.holds(lock.commit):
         raise RegistryError(
             f"{repo.path} does not hold commit {lock.commit[:12]}, which {lock_file} pins{repo.unshallow_hint}; bring "
-            f"it (calibrary registry pull), or accept what is there now: calibrary registry lock"
+            f"it (calibrary registry sync), or accept what is there now: calibrary registry lock"
         )
     files = {}
     then = replace(snapshot, commit=lock.commit, known_paths=None)

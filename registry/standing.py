@@ -511,7 +511,7 @@ class Book:
     def _problem(self, chain: Chain, expected: Collection[str]) -> str | None:
         if gone := {*expected} - chain.all.keys() - {one.id for one in chain.broken}:
             return (
-                f"statement {min(gone)} on it was there before and is gone; git revert or 'calibrary registry pull' "
+                f"statement {min(gone)} on it was there before and is gone; git revert or 'calibrary registry sync' "
                 "restores it"
             )
         if (missing := chain.missing) is not None:

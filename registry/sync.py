@@ -1,4 +1,4 @@
-"""Pull from another copy of a registry and push to it, and decisions between two changes of one entry."""
+"""Exchange commits with another copy of a registry, and decisions between two changes of one entry."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import combined, parse_entry
 from calibrary.registry.fields import Field, entry_fields
 from calibrary.registry.git import remotes
-from calibrary.registry.git.errors import Conflict, FileConflictError, RewrittenError
+from calibrary.registry.git.errors import Conflict, FileConflictError, NoBranchError, RewrittenError
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.program import check_url, without_secret
 from calibrary.registry.git.remotes import Pulled, Removed, set_remote
@@ -84,7 +84,7 @@ class WithdrawnCommit(Record):
 
 
 class SyncReport(Record, tag_field="schema", tag="calibrary/registry-sync-1"):
-    """Output of ``calibrary registry pull --json``, ``push --json`` and ``sync --json``.
+    """Output of ``calibrary registry sync --json``.
 
     Attributes:
         remote: name of the remote.
@@ -226,42 +226,44 @@ def _state_labels(repo: Repository, conflicts: Sequence[Conflict]) -> str | None
     ).commit
 
 
-def push(repo: Repository, remote: str = DEFAULT, *, propose: bool = False) -> SyncReport:
-    """Push the local commits, or move them to a branch for review.
+def propose(repo: Repository, remote: str = DEFAULT) -> SyncReport:
+    """Move the local commits to a branch of the remote for review.
 
     Raises:
-        ConflictError: the remote has new commits; pull first.
-        RegistryError: the remote cannot be reached, or rejects the push.
+        RegistryError: there are none, or the remote cannot be reached, or rejects the branch.
     """
-    if propose:
-        try:
-            done = remotes.propose(repo, remote)
-        except RewrittenError as error:
-            return _rewritten(remote, error)
-        _forget(repo, done.before, done.theirs)
-        return SyncReport(remote=remote, **asdict(done))
-    commit = remotes.push(repo, remote)
-    return SyncReport(remote=remote, commit=commit, theirs=commit)
+    try:
+        done = remotes.propose(repo, remote)
+    except RewrittenError as error:
+        return _rewritten(remote, error)
+    _forget(repo, done.before, done.theirs)
+    return SyncReport(remote=remote, **asdict(done))
 
 
 def sync(
     repo: Repository, remote: str = DEFAULT, sides: Sides | None = None, removed: Removed | None = None
 ) -> SyncReport:
-    """Pull, then push; a push that fails is in the result, because the pull stays.
+    """Pull, then send what the remote does not have; a refusal is in the result, because the pull stays.
 
     Raises:
-        RegistryError: as for :func:`pull`; nothing was changed, and nothing was pushed.
+        RegistryError: as for :func:`pull`, or a new remote refuses the first commits; nothing was changed.
     """
-    done = pull(repo, remote, sides, removed)
+    try:
+        done = pull(repo, remote, sides, removed)
+    except NoBranchError:
+        commit = remotes.push(repo, remote)
+        return SyncReport(remote=remote, before=commit, commit=commit, theirs=commit)
     if not done.is_good:
         what = (
             "the commits that the remote no longer has"
             if done.withdrawn
             else "the entries that both sides changed"
         )
-        return replace(done, unpushed=f"nothing is pushed before it is decided about {what}")
+        return replace(done, unpushed=f"nothing is sent before it is decided about {what}")
+    if done.commit == done.theirs:
+        return done
     try:
-        return replace(done, theirs=push(repo, remote).theirs)
+        return replace(done, theirs=remotes.push(repo, remote))
     except RegistryError as error:
         return replace(done, unpushed=str(error))
 

@@ -67,8 +67,7 @@ class Colleague:
 
     def share(self) -> None:
         """Take what the other has done, and give one's own."""
-        self("pull")
-        self("push")
+        self("sync")
 
 
 @pytest.fixture
@@ -131,7 +130,7 @@ def january_the_fleet_is_registered_and_shared(
     for n, (model, size) in enumerate(OTHERS.items()):
         file = xml(year / f"{model}.xml", f=3000.0 + n, size=size)
         ada("add", file, "--make", "Example", "--model", model, "--date", "2025-01-11", "--yes")
-    ada("push", server)
+    ada("sync", server)
     ben("init", ben.clone, "--remote", server)
     # Nobody approves a K of their own; the other one does, for all of the fleet in one commit.
     snapshot = Registry.open(ben.clone).snapshot()
@@ -139,8 +138,8 @@ def january_the_fleet_is_registered_and_shared(
     assert len(keys) == 12
     assert "proposed it" in ada("approve", *looked_at(ada.clone, keys[0]), code=4)
     ben.approve(*keys)
-    ben("push")
-    ada("pull")
+    ben("sync")
+    ada("sync")
     assert "good: 12 entries" in ada("check")
     assert {one["approved"][0]["by"] for one in [ada.printed("show", keys[0])]} == {"Ben"}
 
@@ -174,7 +173,7 @@ def may_what_is_proposed_is_not_flown_with(year: Path, ada: Colleague, ben: Coll
         "--yes",
     )
     ada.share()
-    ben("pull")
+    ben("sync")
     may = flown(year, "may", "P4R-01", "2025:05:25")
     for colleague in (ada, ben):
         answer = colleague.printed("resolve", may)
@@ -182,7 +181,7 @@ def may_what_is_proposed_is_not_flown_with(year: Path, ada: Colleague, ben: Coll
         assert "pending" in colleague("list", "P4R-01")
     ben.approve(ben.printed("show", "P4R-01")["id"])
     ben.share()
-    ada("pull")
+    ada("sync")
     assert ada.fx(may) == 3671.5
 
 
@@ -207,14 +206,14 @@ def june_a_firmware_changes_the_image_and_both_of_them_work_at_once(
             "--yes",
         )
     ben("set", "example/survey 1", "+north", "--yes")
-    ben("push")
+    ben("sync")
     ada.share()
-    ben("pull")
+    ben("sync")
     proposed = [one.id for one in Registry.open(ben.clone).snapshot().proposals()]
     assert len(proposed) == 2
     ben.approve(*proposed)
     ben.share()
-    ada("pull")
+    ada("sync")
     serial = UNITS["P4R-03"]
     known = ("--make", "DJI", "--model", "FC6310R", "--serial", serial, "--image-size", "5472x3648")
     for firmware, fx in (("01.09", 3652.0), ("02.01", 3655.5)):
@@ -230,18 +229,18 @@ def july_a_refused_push_brings_the_server_s_own_words(year: Path, ada: Colleague
     hook.chmod(0o755)
     before = git(year / "server.git", "rev-parse", "main")
     ben("set", "example/survey 2", "+south", "--yes")
-    assert "closed for the inventory until Monday" in ben("push", code=4)
+    assert "closed for the inventory until Monday" in ben("sync", code=4)
     assert git(year / "server.git", "rev-parse", "main") == before
     hook.unlink()
-    ben("push")
-    ada("pull")
+    ben("sync")
+    ada("sync")
     assert Registry.open(ada.clone).commit() == Registry.open(ben.clone).commit()
 
 
 def august_a_crashed_unit_is_retired_and_says_why(year: Path, ada: Colleague, ben: Colleague) -> None:
     ben("retire", ben.printed("show", "P4R-06")["id"], "--reason", "crashed into the quarry")
     ben.share()
-    ada("pull")
+    ada("sync")
     said = ada("audit", flown(year, "august", "P4R-06", "2025:08:03").parent, code=1)
     assert "crashed into the quarry" in said
     ada("resolve", year / "august" / "P4R-06_20250803.jpg", code=4)
@@ -282,7 +281,7 @@ def machines_ask_over_http_and_get_the_same_answers(year: Path, ada: Colleague) 
 
 def the_year_is_told_by_git(ada: Colleague, ben: Colleague) -> None:
     ada.share()
-    ben("pull")
+    ben("sync")
     story = ada.printed("log", ada.printed("show", "P4R-01")["id"])["revisions"]
     assert [one["author"] for one in story[:2]] == ["Ben", "Ben"]
     assert git(ada.clone, "fsck", "--full") == ""

@@ -72,7 +72,7 @@ def test_a_keepers_first_day(
     assert trailers == P4R
 
     git(tmp_path, "init", "--quiet", "--bare", "--initial-branch=main", "fleet.git")
-    registry("push", str(tmp_path / "fleet.git"))
+    registry("sync", str(tmp_path / "fleet.git"))
     monkeypatch.chdir(tmp_path)
     registry("init", "second", "--remote", str(tmp_path / "fleet.git"))
 

@@ -56,6 +56,10 @@ class Withdrawn(Struct, frozen=True, kw_only=True):
     subject: str
 
 
+class NoBranchError(RegistryError):
+    """A remote does not have the branch yet."""
+
+
 class RewrittenError(ConflictError):
     """The history of a remote was rewritten: it lacks commits that it had, which would come back.
 

@@ -26,6 +26,7 @@ from calibrary.registry.git.errors import (
     Combine,
     Conflict,
     FileConflictError,
+    NoBranchError,
     RewrittenError,
     Withdrawn,
     explain,
@@ -244,13 +245,14 @@ def pull(
     Raises:
         RewrittenError: the remote was rewritten, and commits that it had would come back; nothing was changed.
         FileConflictError: both sides changed an entry; nothing was changed, and all conflicts are reported.
-        RegistryError: the remote cannot be reached, or has no such branch.
+        NoBranchError: the remote has no such branch yet.
+        RegistryError: the remote cannot be reached.
     """
     ref = branch_ref(repo, branch)
     theirs, gone = _fetched(repo, name, ref)
     if theirs is None:
         short = ref.removeprefix("refs/heads/")
-        raise RegistryError(f"{repo.path}: {name} has no branch {short}; push it first")
+        raise NoBranchError(f"{repo.path}: {name} has no branch {short}")
     pulled = _pull(repo, name, ref, theirs, gone, combine=combine, removed=removed, accept=accept)
     repo.run("update-ref", _exchanged(name, ref), theirs)
     return pulled
@@ -364,7 +366,7 @@ def push(repo: Repository, name: str = "origin", *, branch: str | None = None) -
         The commit that both sides now have.
 
     Raises:
-        ConflictError: the remote has new commits; pull first.
+        ConflictError: the remote has new commits.
         RegistryError: the remote cannot be reached, or rejects the push.
     """
     ref = branch_ref(repo, branch)
@@ -372,7 +374,9 @@ def push(repo: Repository, name: str = "origin", *, branch: str | None = None) -
     if ours is None:
         raise RegistryError(f"{repo.path}: nothing to push; the branch has no commit")
     if known is not None and not is_ancestor(repo, known, ours):
-        raise ConflictError(f"{name} holds commits that are not here; nothing was pushed: pull first")
+        raise ConflictError(
+            f"{name} holds commits that are not here; nothing was sent: calibrary registry sync, again"
+        )
     url = _address(repo, name, pushing=True)
     options = ("--porcelain", "--no-verify", "--receive-pack=git-receive-pack", "--no-recurse-submodules")
     lease = f"--force-with-lease={ref}:{known or ''}"
@@ -389,7 +393,9 @@ def push(repo: Repository, name: str = "origin", *, branch: str | None = None) -
 def _push_refused(url: str, pushed: Output) -> RegistryError:
     output = pushed.out.decode("utf-8", "replace") + pushed.errors
     if "stale info" in output or "fetch first" in output or "non-fast-forward" in output:
-        return ConflictError(f"{without_secret(url)} has moved on; nothing was pushed: pull first")
+        return ConflictError(
+            f"{without_secret(url)} has moved on; nothing was sent: calibrary registry sync, again"
+        )
     if "checked out" in output:
         return RegistryError(
             f"{without_secret(url)}: that branch is checked out there, so git does not change it; "
@@ -400,7 +406,7 @@ def _push_refused(url: str, pushed: Output) -> RegistryError:
     if words := _server_message(pushed.errors):
         why = f"{why}; the server says: {words}"
     if "remote rejected" in output:
-        why = f"{why}; if that branch is protected, propose your commits: 'calibrary registry push --propose'"
+        why = f"{why}; if that branch is protected, propose your commits: 'calibrary registry sync --propose'"
     return RegistryError(f"{without_secret(url)}: nothing was pushed: {without_secret(why)}")
 
 
@@ -436,7 +442,9 @@ def propose(repo: Repository, name: str = "origin") -> Proposed:
     theirs, gone = _fetched(repo, name, ref)
     ours, target = repo.tip(ref), ref.removeprefix("refs/heads/")
     if theirs is None:
-        raise RegistryError(f"{repo.path}: {name} has no branch {target} to propose to; push it first")
+        raise RegistryError(
+            f"{repo.path}: {name} has no branch {target} to propose to: calibrary registry sync makes it"
+        )
     if ours is None or is_ancestor(repo, ours, theirs):
         raise RegistryError(f"{repo.path}: nothing to propose; {name} has every commit")
     common_ancestor(repo, ours, theirs)
@@ -582,7 +590,7 @@ def ours_on_theirs(
                 )
             )
     if conflicts:
-        raise FileConflictError([*conflicts.values()], "pull again with --ours KEY or --theirs KEY for each")
+        raise FileConflictError([*conflicts.values()], "sync again with --ours KEY or --theirs KEY for each")
     return steps, (*warnings, *skew) if steps else ()
 
 

@@ -124,7 +124,7 @@ REFUSED = {
         "registry log nothing",
         "registry resolve --make DJI --model FC9999 --image-size 5472x3648",
         "registry check nothing",
-        "registry push nowhere",
+        "registry sync nowhere",
         "diff --since nothing",
     ),
 }

@@ -153,14 +153,14 @@ READ = (
     ("audit", "flight"),
     ("site", "pages"),
 )
-HISTORY = (("log", P4R), ("log", P4R, "--fields"), ("log",))
+HISTORY = (("log", P4R), ("log",))
 WRITE = (
     ("add", "lab.xml", "--make", "DJI", "--model", "FC330", "--yes"),
     ("approve", P4R, "--digest", "0" * 12),
     ("hold", P4R, "--reason", "x"),
     ("retire", P4R, "--reason", "x"),
     ("add", "catalogue", "--yes"),
-    ("push",),
+    ("sync",),
 )
 COMMANDS: tuple[tuple[str, ...], ...] = (
     *(("registry", *words) for words in (*READ, *HISTORY, *WRITE)),
@@ -365,7 +365,7 @@ def test_a_shallow_clone_answers_and_says_what_it_cannot(
     monkeypatch.setenv("CALIBRARY_REGISTRY", str(clone))
     for words in (["list"], ["resolve", P4R], ["check"]):
         assert run(capsys, *words)[0] == 0, words
-    for words in (["show", P4R], ["log", P4R], ["log", P4R, "--fields"]):
+    for words in (["show", P4R], ["log", P4R]):
         code, _, err = run(capsys, *words)
         assert (code, f"git -C {clone} fetch --unshallow" in " ".join(err.split())) == (0, True), words
     # The oldest commit of the clone did not record all that it holds.
@@ -387,9 +387,9 @@ def test_the_words_of_a_server_that_refuses_a_push_are_shown(
     git(broken, "remote", "add", "origin", str(tmp_path / "server.git"))
     (broken / ENTRY.path).write_text("")
     git(broken, "checkout", "-q", "--", ".")
-    assert run(capsys, "pull")[0] == 0
+    assert run(capsys, "sync")[0] == 0
     put(broken, replace(ENTRY, tolerance=0.02))
-    code, _, err = run(capsys, "push")
+    code, _, err = run(capsys, "sync")
     assert code == 4
     assert "pre-receive hook declined" in err
     assert "the server says: FC6310R: 1 of 2" in " ".join(err.split())

@@ -1,4 +1,4 @@
-"""``registry pull``, ``push`` and ``sync``: two keepers, one bare remote, and entries that both have changed."""
+"""``registry sync``: two keepers, one bare remote, and entries that both have changed."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def twin(fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Pat
     """A second clone of a bare remote that the first one was pushed to, both with two entries."""
     put(fleet, MINE, OTHER)
     git(tmp_path, "init", "--quiet", "--bare", "--initial-branch=main", "remote.git")
-    code, _, err = run(capsys, "push", tmp_path / "remote.git")
+    code, _, err = run(capsys, "sync", tmp_path / "remote.git")
     assert code == 0
     assert "origin is" in err
     assert run(capsys, "init", tmp_path / "twin", "--remote", tmp_path / "remote.git")[0] == 0
@@ -52,38 +52,24 @@ def fx_of(place: Path, key: str = P4R) -> float:
 
 def test_what_one_pushes_the_other_pulls(fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]) -> None:
     put(fleet, changed(3600.0))
-    pushed = printed(capsys, "registry-sync-1", "push")
+    pushed = printed(capsys, "registry-sync-1", "sync")
     assert pushed["commit"] == commit_of(fleet)
-    pulled = printed(capsys, "registry-sync-1", "pull", "--registry", twin)
+    pulled = printed(capsys, "registry-sync-1", "sync", "--registry", twin)
     assert (pulled["commit"], pulled["replayed"]) == (commit_of(fleet), 0)
     assert fx_of(twin) == 3600.0
     assert git(twin, "status", "--porcelain") == ""
-    _, out, _ = run(capsys, "pull", "--registry", twin)
-    assert out == "origin has nothing new\n"
-
-
-def test_changes_of_different_entries_come_together(
-    fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    put(fleet, changed(3600.0))
-    run(capsys, "push")
-    put(twin, changed(2300.0, OTHER), subject="Ours of the other")
-    code, _, err = run(capsys, "push", "--registry", twin)
-    assert (code, "pull first" in err) == (4, True)
-    pulled = printed(capsys, "registry-sync-1", "pull", "--registry", twin)
-    assert pulled["replayed"] == 1
-    assert run(capsys, "push", "--registry", twin)[0] == 0
-    assert (fx_of(twin), fx_of(twin, "dji/fc330")) == (3600.0, 2300.0)
-    assert git(twin, "log", "-1", "--format=%s") == "Ours of the other"
-    run(capsys, "pull")
-    assert commit_of(fleet) == commit_of(twin)
+    _, out, _ = run(capsys, "sync", "--registry", twin)
+    assert out.splitlines() == [
+        "origin has nothing new",
+        f"origin and this registry are at {commit_of(twin)[:12]}",
+    ]
 
 
 def test_a_sync_pulls_then_pushes_and_says_both(
     fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     put(fleet, changed(3600.0))
-    run(capsys, "push")
+    run(capsys, "sync")
     put(twin, changed(2300.0, OTHER), subject="Ours of the other")
     code, out, _ = run(capsys, "sync", "--registry", twin)
     tip = commit_of(twin)[:12]
@@ -101,7 +87,7 @@ def test_a_sync_that_pulled_and_could_not_push_says_so(
     fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     put(fleet, changed(3600.0))
-    run(capsys, "push")
+    run(capsys, "sync")
     put(twin, changed(2300.0, OTHER), subject="Ours of the other")
 
     def refused(*_: object) -> str:
@@ -111,7 +97,7 @@ def test_a_sync_that_pulled_and_could_not_push_says_so(
     code, out, err = run(capsys, "sync", "--registry", twin)
     assert (code, fx_of(twin)) == (4, 3600.0)
     assert "1 commit of ours made again on top" in out
-    assert "not pushed: the network is gone" in err
+    assert "not sent: the network is gone" in err
     document = json.loads(run(capsys, "sync", "--registry", twin, "--json")[1])
     require(document, "registry-sync-1")
     assert (document["commit"], document["unpushed"]) == (commit_of(twin), "the network is gone")
@@ -121,7 +107,7 @@ class TestBothChangedAnEntry:
     @pytest.fixture(autouse=True)
     def _both(self, fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]) -> None:
         put(fleet, changed(3600.0))
-        run(capsys, "push")
+        run(capsys, "sync")
         put(twin, changed(3500.0), subject="Ours")
         put(twin, changed(2300.0, OTHER), subject="Ours of the other")
 
@@ -129,12 +115,12 @@ class TestBothChangedAnEntry:
         self, twin: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         before = commit_of(twin)
-        code, out, err = run(capsys, "pull", "--registry", twin, "--json")
+        code, out, err = run(capsys, "sync", "--registry", twin, "--json")
         assert code == 4
         assert commit_of(twin) == before
         [line] = [line for line in err.splitlines() if "intrinsics.fx" in line]
         assert line.split() == ["intrinsics.fx", "3661.25", "3500.0", "3600.0"]
-        assert f"calibrary registry pull --theirs {P4R}" in err
+        assert f"calibrary registry sync --theirs {P4R}" in err
         document = json.loads(out)
         require(document, "registry-sync-1")
         [conflict] = document["conflicts"]
@@ -150,7 +136,7 @@ class TestBothChangedAnEntry:
         code, out, err = run(capsys, "sync", "--registry", twin)
         assert (code, out) == (4, "")
         assert f"calibrary registry sync --theirs {P4R}" in err
-        assert "not pushed" in err
+        assert "not sent" in err
         assert before == (commit_of(twin), git(fleet.parent / "remote.git", "rev-parse", "main"))
         assert run(capsys, "sync", "--registry", twin, "--theirs", "all")[0] == 0
         assert commit_of(twin) == git(fleet.parent / "remote.git", "rev-parse", "main")
@@ -159,13 +145,13 @@ class TestBothChangedAnEntry:
     def test_the_side_that_is_chosen_stays_and_no_other_change_is_lost(
         self, twin: Path, capsys: pytest.CaptureFixture[str], side: str, fx: float
     ) -> None:
-        pulled = printed(capsys, "registry-sync-1", "pull", "--registry", twin, side, "dji/fc6310r")
+        pulled = printed(capsys, "registry-sync-1", "sync", "--registry", twin, side, "dji/fc6310r")
         assert fx_of(twin) == fx
         assert fx_of(twin, "dji/fc330") == 2300.0
         assert pulled["commit"] == commit_of(twin)
         assert "Take what the others say" not in git(twin, "log", "--format=%s")
         assert git(twin, "status", "--porcelain") == ""
-        assert run(capsys, "push", "--registry", twin)[0] == 0
+        assert run(capsys, "sync", "--registry", twin)[0] == 0
 
     def test_ours_is_back_where_the_pull_does_not_come_through(
         self, twin: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
@@ -179,7 +165,7 @@ class TestBothChangedAnEntry:
             return pull(repo, remote, **terms)
 
         monkeypatch.setattr(remotes, "pull", fails_the_second_time)
-        code, _, err = run(capsys, "pull", "--registry", twin, "--theirs", "all")
+        code, _, err = run(capsys, "sync", "--registry", twin, "--theirs", "all")
         assert (code, "the network is gone" in err) == (4, True)
         assert (fx_of(twin), fx_of(twin, "dji/fc330")) == (3500.0, 2300.0)
 
@@ -187,11 +173,11 @@ class TestBothChangedAnEntry:
         self, twin: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         before = commit_of(twin)
-        code, _, err = run(capsys, "pull", "--registry", twin, "--ours", "dji/fc330")
+        code, _, err = run(capsys, "sync", "--registry", twin, "--ours", "dji/fc330")
         assert (code, "no such" in err) == (4, True)
-        code, _, err = run(capsys, "pull", "--registry", twin, "--theirs", "all", "--theirs", "dji/fc63lOr")
+        code, _, err = run(capsys, "sync", "--registry", twin, "--theirs", "all", "--theirs", "dji/fc63lOr")
         assert (code, "no such" in err) == (4, True)
-        code, _, err = run(capsys, "pull", "--registry", twin, "--ours", "all", "--theirs", "all")
+        code, _, err = run(capsys, "sync", "--registry", twin, "--ours", "all", "--theirs", "all")
         assert (code, "is named for both --ours and --theirs" in err) == (4, True)
         assert commit_of(twin) == before
 
@@ -200,11 +186,11 @@ def test_an_entry_that_one_removed_and_the_other_changed_is_decided_too(
     fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     put_bytes(fleet, {MINE.path: None})
-    run(capsys, "push")
+    run(capsys, "sync")
     put(twin, changed(3500.0))
-    code, _, err = run(capsys, "pull", "--registry", twin)
+    code, _, err = run(capsys, "sync", "--registry", twin)
     assert (code, "theirs removed it" in err) == (4, True)
-    assert run(capsys, "pull", "--registry", twin, "--theirs", "all")[0] == 0
+    assert run(capsys, "sync", "--registry", twin, "--theirs", "all")[0] == 0
     assert [one.id for one in Registry.open(twin).snapshot().entries()] == [OTHER.id]
 
 
@@ -212,17 +198,17 @@ def test_keeping_ours_of_an_entry_that_they_removed_brings_it_back(
     fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     put_bytes(fleet, {MINE.path: None})
-    run(capsys, "push")
+    run(capsys, "sync")
     put(twin, changed(3500.0))
-    assert run(capsys, "pull", "--registry", twin, "--ours", "all")[0] == 0
+    assert run(capsys, "sync", "--registry", twin, "--ours", "all")[0] == 0
     assert fx_of(twin) == 3500.0
 
 
 def test_uncommitted_work_is_not_touched(fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]) -> None:
     put(fleet, changed(3600.0))
-    run(capsys, "push")
+    run(capsys, "sync")
     (twin / MINE.path).write_text("my unfinished edit")
-    code, _, err = run(capsys, "pull", "--registry", twin)
+    code, _, err = run(capsys, "sync", "--registry", twin)
     assert code == 4
     assert MINE.path in err
     assert (twin / MINE.path).read_text() == "my unfinished edit"
@@ -240,7 +226,7 @@ def test_uncommitted_work_is_not_touched(fleet: Path, twin: Path, capsys: pytest
 def test_what_is_no_remote_is_one_clear_line(
     capsys: pytest.CaptureFixture[str], word: str, printed: str
 ) -> None:
-    code, _, said = run(capsys, "pull", "--", word)
+    code, _, said = run(capsys, "sync", "--", word)
     assert (code, said.count("\n")) == (4, 1)
     assert printed in said
 
@@ -249,19 +235,18 @@ def test_a_remote_that_is_gone_is_one_clear_line(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     put(fleet, an_entry(status=Status.DRAFT))
-    for command in ("push", "pull"):
-        code, _, said = run(capsys, command, tmp_path / "gone.git")
-        assert code == 4
-        assert "gone.git" in said.splitlines()[-1]
+    code, _, said = run(capsys, "sync", tmp_path / "gone.git")
+    assert code == 4
+    assert "gone.git" in said.splitlines()[-1]
 
 
 def test_a_second_address_has_to_be_named_first(
     fleet: Path, twin: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert fleet.parent == twin.parent
-    code, _, err = run(capsys, "push", tmp_path / "elsewhere.git")
+    code, _, err = run(capsys, "sync", tmp_path / "elsewhere.git")
     assert (code, "remote add NAME" in err) == (4, True)
-    assert run(capsys, "push", tmp_path / "remote.git")[0] == 0
+    assert run(capsys, "sync", tmp_path / "remote.git")[0] == 0
 
 
 def tagged(entry: Entry, *tags: str, notes: tuple[str, ...] = ()) -> Entry:
@@ -273,10 +258,10 @@ def test_a_tag_of_one_and_a_focal_length_of_the_other_come_together(
     fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     put(fleet, changed(3600.0))
-    run(capsys, "push")
+    run(capsys, "sync")
     put(twin, tagged(MINE, "coast"), subject="Tag it")
     put(twin, tagged(MINE, "coast", notes=("repaired",)), subject="And say why")
-    assert printed(capsys, "registry-sync-1", "pull", "--registry", twin)["replayed"] == 2
+    assert printed(capsys, "registry-sync-1", "sync", "--registry", twin)["replayed"] == 2
     entry = held(twin, P4R).entry
     assert (entry.tags, entry.notes[-1], fx_of(twin)) == (("coast",), "repaired", 3600.0)
     assert "fc6310r" not in run(capsys, "check", "--registry", twin)[1]
@@ -286,12 +271,12 @@ def test_tags_of_both_come_together_and_one_that_either_took_away_is_gone(
     fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     put(fleet, tagged(MINE, "coast", "old"))
-    run(capsys, "push")
-    run(capsys, "pull", "--registry", twin)
+    run(capsys, "sync")
+    run(capsys, "sync", "--registry", twin)
     put(fleet, tagged(MINE, "coast", "old", "north"))
-    run(capsys, "push")
+    run(capsys, "sync")
     put(twin, tagged(MINE, "coast", "south"))
-    run(capsys, "pull", "--registry", twin)
+    run(capsys, "sync", "--registry", twin)
     assert held(twin, P4R).entry.tags == ("coast", "north", "south")
 
 
@@ -300,12 +285,12 @@ def test_two_labels_of_one_unit_are_a_conflict(
 ) -> None:
     unit = an_entry(focal_mm=None, serial="0V2CB0100017")
     put(fleet, unit)
-    run(capsys, "push")
-    run(capsys, "pull", "--registry", twin)
+    run(capsys, "sync")
+    run(capsys, "sync", "--registry", twin)
     put(fleet, replace(unit, label="P4R-01"))
-    run(capsys, "push")
+    run(capsys, "sync")
     put(twin, replace(unit, label="P4R-02"))
-    code, _, err = run(capsys, "pull", "--registry", twin)
+    code, _, err = run(capsys, "sync", "--registry", twin)
     assert code == 4
     assert "changed on both sides" in err
 
@@ -321,8 +306,8 @@ def rewritten(fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]) -> Pa
     """The twin has what the remote lost by a force push, and a change of its own."""
     before = commit_of(fleet)
     put(fleet, changed(3600.0), subject="A wrong K")
-    run(capsys, "push")
-    run(capsys, "pull", "--registry", twin)
+    run(capsys, "sync")
+    run(capsys, "sync", "--registry", twin)
     rewind(fleet, before)
     put(twin, changed(2300.0, OTHER), subject="Ours of the other")
     return twin
@@ -344,7 +329,7 @@ def test_what_a_rewritten_remote_lost_does_not_come_back_unasked(
 def test_it_is_given_up_or_made_again_as_one_says(
     fleet: Path, rewritten: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run(capsys, "pull", "--removed", "drop", "--registry", rewritten)[0] == 0
+    assert run(capsys, "sync", "--removed", "drop", "--registry", rewritten)[0] == 0
     assert (fx_of(rewritten), fx_of(rewritten, "dji/fc330")) == (fx_of(fleet), 2300.0)
     assert git(rewritten, "status", "--porcelain") == ""
     assert "A wrong K" not in git(rewritten, "log", "--format=%s")
@@ -364,12 +349,12 @@ def test_a_squash_of_what_one_has_asks_nothing(
     before = commit_of(fleet)
     put(fleet, changed(3600.0), subject="First")
     put(fleet, changed(3601.0), subject="Second")
-    run(capsys, "push")
-    run(capsys, "pull", "--registry", twin)
+    run(capsys, "sync")
+    run(capsys, "sync", "--registry", twin)
     git(fleet, "reset", "--quiet", "--soft", before)
     git(fleet, "commit", "--quiet", "--message", "Both in one")
     git(fleet, "push", "--quiet", "--force", "origin", "main")
-    assert run(capsys, "pull", "--registry", twin)[0] == 0
+    assert run(capsys, "sync", "--registry", twin)[0] == 0
     assert (commit_of(twin), fx_of(twin)) == (commit_of(fleet), 3601.0)
 
 
@@ -379,24 +364,24 @@ def test_proposed_commits_become_a_branch_and_leave_the_own_one(
     before = commit_of(twin)
     put(twin, changed(3600.0), subject="A new K")
     ours = commit_of(twin)
-    done = printed(capsys, "registry-sync-1", "push", "--propose", "--registry", twin)
+    done = printed(capsys, "registry-sync-1", "sync", "--propose", "--registry", twin)
     assert (done["commit"], done["theirs"], commit_of(twin)) == (ours, before, before)
     assert git(twin, "status", "--porcelain") == ""
     git(fleet, "fetch", "--quiet")
     assert git(fleet, "rev-parse", f"origin/{done['branch']}").strip() == ours
-    assert run(capsys, "push", "--propose", "--registry", twin)[0] == 4
+    assert run(capsys, "sync", "--propose", "--registry", twin)[0] == 4
 
 
 def test_after_a_squash_merge_of_the_proposal_a_pull_goes_forward(
     fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     put(twin, changed(3600.0), subject="A new K")
-    branch = printed(capsys, "registry-sync-1", "push", "--propose", "--registry", twin)["branch"]
+    branch = printed(capsys, "registry-sync-1", "sync", "--propose", "--registry", twin)["branch"]
     git(fleet, "fetch", "--quiet")
     git(fleet, "merge", "--quiet", "--squash", f"origin/{branch}")
     git(fleet, "commit", "--quiet", "--message", "A new K (#1)")
-    run(capsys, "push")
-    assert run(capsys, "pull", "--registry", twin)[0] == 0
+    run(capsys, "sync")
+    assert run(capsys, "sync", "--registry", twin)[0] == 0
     assert (commit_of(twin), fx_of(twin)) == (commit_of(fleet), 3600.0)
 
 
@@ -407,9 +392,28 @@ def test_a_protected_branch_says_how_to_propose(
     hook.write_text("#!/bin/sh\ntest $1 != refs/heads/main\n")
     hook.chmod(0o755)
     put(twin, changed(3600.0))
-    code, _, err = run(capsys, "push", "--registry", twin)
-    assert (code, "push --propose" in err) == (4, True)
-    assert run(capsys, "push", "--propose", "--registry", twin)[0] == 0
+    code, _, err = run(capsys, "sync", "--registry", twin)
+    assert (code, "sync --propose" in err) == (4, True)
+    assert run(capsys, "sync", "--propose", "--registry", twin)[0] == 0
+
+
+def test_who_may_only_read_gets_what_is_new_and_sends_nothing(
+    fleet: Path, twin: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put(fleet, changed(3600.0))
+    assert run(capsys, "sync")[0] == 0
+    hook = tmp_path / "remote.git" / "hooks" / "pre-receive"
+    hook.write_text("#!/bin/sh\nexit 1\n")
+    hook.chmod(0o755)
+    assert run(capsys, "sync", "--registry", twin)[0] == 0
+    assert fx_of(twin) == 3600.0
+
+
+def test_a_proposal_takes_no_decision_about_theirs(twin: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = commit_of(twin)
+    put(twin, changed(3600.0))
+    code, _, err = run(capsys, "sync", "--propose", "--theirs", "all", "--registry", twin)
+    assert (code, "--propose takes no" in err, commit_of(twin) == before) == (2, True, False)
 
 
 def test_a_fetch_of_another_program_hides_no_rewriting(
@@ -417,9 +421,9 @@ def test_a_fetch_of_another_program_hides_no_rewriting(
 ) -> None:
     git(rewritten, "fetch", "--quiet", "origin")
     for _ in range(2):
-        code, _, err = run(capsys, "pull", "--registry", rewritten)
+        code, _, err = run(capsys, "sync", "--registry", rewritten)
         assert (code, "A wrong K" in err) == (4, True)
-    code, _, err = run(capsys, "push", "--propose", "--registry", rewritten)
+    code, _, err = run(capsys, "sync", "--propose", "--registry", rewritten)
     assert (code, "A wrong K" in err) == (4, True)
 
 
@@ -428,10 +432,10 @@ def test_commits_of_another_registry_are_not_proposed(
 ) -> None:
     git(tmp_path, "init", "--quiet", "--bare", "--initial-branch=main", "other.git")
     assert run(capsys, "init", tmp_path / "stranger")[0] == 0
-    run(capsys, "push", tmp_path / "other.git", "--registry", tmp_path / "stranger")
+    run(capsys, "sync", tmp_path / "other.git", "--registry", tmp_path / "stranger")
     git(twin, "remote", "set-url", "origin", str(tmp_path / "other.git"))
     before = commit_of(twin)
-    code, _, err = run(capsys, "push", "--propose", "--registry", twin)
+    code, _, err = run(capsys, "sync", "--propose", "--registry", twin)
     assert (code, "different registries" in err, commit_of(twin)) == (4, True, before)
 
 
@@ -444,7 +448,7 @@ class TestStatements:
     def two(self, fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> tuple[Path, Path]:
         put(fleet, MINE, self.UNIT)
         git(tmp_path, "init", "--quiet", "--bare", "--initial-branch=main", "remote.git")
-        run(capsys, "push", tmp_path / "remote.git")
+        run(capsys, "sync", tmp_path / "remote.git")
         run(capsys, "init", tmp_path / "twin", "--remote", tmp_path / "remote.git")
         for place in (fleet, tmp_path / "twin"):
             assert run(capsys, "list", "--registry", place)[0] == 0
@@ -460,8 +464,8 @@ class TestStatements:
 
     def approve_for_both(self, fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]) -> None:
         self.approve(fleet, 3700.0)
-        run(capsys, "push")
-        run(capsys, "pull", "--registry", twin)
+        run(capsys, "sync")
+        run(capsys, "sync", "--registry", twin)
 
     def test_what_was_in_use_is_in_use_after_a_newer_one_was_proposed(
         self, two: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
@@ -470,7 +474,7 @@ class TestStatements:
         self.approve(twin, 3700.0)
         assert run(capsys, "list", "--registry", twin)[0] == 0
         assert fx_of(twin) == 3700.0
-        assert run(capsys, "push", "--propose", "--registry", twin)[0] == 0
+        assert run(capsys, "sync", "--propose", "--registry", twin)[0] == 0
         code, out, err = run(capsys, "list", "--registry", twin)
         assert (code, "not listed" in out + err) == (0, False)
         assert fx_of(twin) == MINE.calibration.intrinsics.fx
@@ -483,7 +487,7 @@ class TestStatements:
         self.approve_for_both(fleet, twin, capsys)
         assert fx_of(twin) == 3700.0
         rewind(fleet, before)
-        assert run(capsys, "pull", "--removed", "drop", "--registry", twin)[0] == 0
+        assert run(capsys, "sync", "--removed", "drop", "--registry", twin)[0] == 0
         assert fx_of(twin) == MINE.calibration.intrinsics.fx
 
     def test_an_own_approval_after_one_that_is_given_up_is_not_left_alone(
@@ -494,11 +498,11 @@ class TestStatements:
         self.approve_for_both(fleet, twin, capsys)
         self.approve(twin, 3710.0)
         rewind(fleet, before)
-        assert run(capsys, "pull", "--removed", "drop", "--registry", twin)[0] == 4
-        code, _, err = run(capsys, "pull", "--removed", "drop", "--theirs", "all", "--registry", twin)
+        assert run(capsys, "sync", "--removed", "drop", "--registry", twin)[0] == 4
+        code, _, err = run(capsys, "sync", "--removed", "drop", "--theirs", "all", "--registry", twin)
         assert (code, fx_of(twin)) == (4, 3710.0)
         assert "--removed keep keeps both" in err
-        assert run(capsys, "pull", "--removed", "keep", "--registry", twin)[0] == 0
+        assert run(capsys, "sync", "--removed", "keep", "--registry", twin)[0] == 0
         assert fx_of(twin) == 3710.0
 
     @pytest.mark.parametrize(("side", "label"), [("--theirs", "P4R-01"), ("--ours", "P4R-02")])
@@ -508,9 +512,9 @@ class TestStatements:
         _, twin = two
         key = self.UNIT.id
         assert run(capsys, "set", key, "label=P4R-01", "--yes")[0] == 0
-        run(capsys, "push")
+        run(capsys, "sync")
         assert run(capsys, "set", key, "label=P4R-02", "--yes", "--registry", twin)[0] == 0
-        assert run(capsys, "pull", side, "all", "--registry", twin)[0] == 0
+        assert run(capsys, "sync", side, "all", "--registry", twin)[0] == 0
         assert held(twin, key).entry.label == label
         assert git(twin, "status", "--porcelain") == ""
 
@@ -520,10 +524,10 @@ class TestStatements:
         fleet, twin = two
         key = self.UNIT.id
         assert run(capsys, "set", key, "label=P4R-01", "--yes")[0] == 0
-        run(capsys, "push")
-        run(capsys, "pull", "--registry", twin)
+        run(capsys, "sync")
+        run(capsys, "sync", "--registry", twin)
         for place, tolerance in ((fleet, 0.01), (twin, 0.02)):
             put(place, replace(held(place, key).entry, tolerance=tolerance), subject="Ours")
-        run(capsys, "push")
-        assert run(capsys, "pull", "--theirs", "p4r-01", "--registry", twin)[0] == 0
+        run(capsys, "sync")
+        assert run(capsys, "sync", "--theirs", "p4r-01", "--registry", twin)[0] == 0
         assert held(twin, key).entry.tolerance == 0.01

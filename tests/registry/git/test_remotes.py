@@ -186,10 +186,10 @@ def test_a_push_never_drops_what_others_pushed(bare: Repository, pair: tuple[Rep
     put(one, {ENTRY: b"fx: 2.0\n"})
     theirs = push(one)
     put(two, {OTHER: b"x\n"})
-    with pytest.raises(ConflictError, match="pull first"):
+    with pytest.raises(ConflictError, match="has moved on; nothing was sent"):
         push(two)
     fetch(two)
-    with pytest.raises(ConflictError, match="pull first"):
+    with pytest.raises(ConflictError, match="nothing was sent"):
         push(two)
     assert bare.tip() == theirs
     pull(two)

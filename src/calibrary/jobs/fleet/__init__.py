@@ -970,80 +970,42 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
                 seen.append(self.registry.snapshot(rev).pending(name).oid or "")
         return names, tuple(seen)
 
-    def pull(
-        self,
-        remote: Remote | None = None,
-        *,
-        sides: Sides | None = None,
-        removed: Literal["drop", "keep"] | None = None,
-        told: Callable[[str], None] | None = None,
-    ) -> SyncReport:
-        """Fetch the commits of others, and apply the local commits on top of them.
-
-        Args:
-            remote: a remote's name or address (default: origin); a new address is saved as origin.
-            sides: which version counts of an entry that both sides changed.
-            removed: what becomes of commits that the remote had and, rewritten, no longer has.
-            told: called with a message that an address was saved.
-
-        Returns:
-            What was done. If both sides changed an entry and no side was chosen, or the remote was rewritten and it is
-            not said what becomes of the commits that it lost, nothing: the result has all of them.
-
-        Raises:
-            RegistryError: the remote cannot be reached.
-        """
-        from calibrary.registry.sync import pull
-
-        return pull(self.registry.repo, self._remote(remote, told), sides, removed)
-
-    def push(
-        self,
-        remote: Remote | None = None,
-        *,
-        propose: bool = False,
-        told: Callable[[str], None] | None = None,
-    ) -> SyncReport:
-        """Send the local commits to a remote; the commits of others are never overwritten.
-
-        Args:
-            remote: a remote's name or address (default: origin); a new address is saved as origin.
-            propose: move your commits to a branch and send that for review, as a protected branch needs it.
-            told: called with a message that an address was saved.
-
-        Raises:
-            ConflictError: the remote has new commits; pull first.
-            RegistryError: the remote cannot be reached, or refuses them.
-        """
-        from calibrary.registry.sync import push
-
-        return push(self.registry.repo, self._remote(remote, told), propose=propose)
-
     def sync(
         self,
         remote: Remote | None = None,
         *,
         sides: Sides | None = None,
         removed: Literal["drop", "keep"] | None = None,
+        propose: bool = False,
         told: Callable[[str], None] | None = None,
     ) -> SyncReport:
-        """Pull, then push: afterwards both sides have the same commits.
+        """Fetch the commits of others, put your own on top and send them: both sides have the same commits.
 
         Args:
             remote: a remote's name or address (default: origin); a new address is saved as origin.
             sides: which version counts of an entry that both sides changed.
             removed: what becomes of commits that the remote had and, rewritten, no longer has.
+            propose: move your commits to a branch and send that for review, as a protected branch needs it.
             told: called with a message that an address was saved.
 
         Returns:
-            What was done. A conflict leaves both sides as they were; what was pulled but could not be pushed says why.
+            What was done. If both sides changed an entry and no side was chosen, or the remote was rewritten and it is
+            not said what becomes of the commits that it lost, nothing: the result has all of them. If the commits of
+            others came but your own could not be sent, it says why.
 
         Raises:
-            RegistryError: the remote cannot be reached; nothing was pulled or pushed.
+            UsageError: a proposal is to decide about commits of the remote, which it does not touch.
+            RegistryError: the remote cannot be reached; nothing was changed.
         """
+        from calibrary.registry.sync import propose as proposed
         from calibrary.registry.sync import sync
 
-        return sync(self.registry.repo, self._remote(remote, told), sides, removed)
+        if propose and (sides is not None or removed is not None):
+            raise UsageError(
+                "--propose takes no --ours, --theirs or --removed: nothing is put on top of theirs"
+            )
+        repo, name = self.registry.repo, self._remote(remote, told)
+        return proposed(repo, name) if propose else sync(repo, name, sides, removed)
 
     def _remote(self, word: str | Path | None, told: Callable[[str], None] | None) -> str:
         """The remote that a name or address means; a new address is saved as ``origin``."""
