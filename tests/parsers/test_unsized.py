@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from calibrary import parsers
+from calibrary.admission import refuse_implausible, why_implausible, why_no_lens
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance
 from calibrary.distortion import BrownConrady
 from calibrary.errors import InputError, MissingSizeError, ParseError
-from calibrary.parsers.reading import refuse_implausible, why_implausible, why_no_lens
 from calibrary.parsers.unsized import UnsizedCalibration
 from calibrary.records import replace
 from tests.jobs.extract.fleet import P4R, picture

@@ -28,9 +28,11 @@ examples:
 The output is written only if it holds the calibration to 0.05 px anywhere in the image, or to
 --max-error-px. The command names what the format cannot contain.
 
-exit code 0: all were written; 3: at least one was not.
+exit code 0: all were written; 1: the same, but a K is hardly a camera's, and --force was not given;
+3: at least one was not written.
 """
 
+EXIT_UNLIKELY = 1
 EXIT_REFUSED = 3
 
 
@@ -52,7 +54,9 @@ def run(arguments: argparse.Namespace) -> int:
         _show_one(out(arguments), done.files[0], arguments.output)
     else:
         _show_many(out(arguments), done, arguments.output)
-    return 0 if done.is_good else EXIT_REFUSED
+    if not done.is_good:
+        return EXIT_REFUSED
+    return 0 if done.is_likely or arguments.force else EXIT_UNLIKELY
 
 
 def _show_one(screen: Screen, done: ConvertedFile, place: str) -> None:

@@ -29,7 +29,7 @@ examples:
   calibrary inspect handed-over/ --json                 every file of a folder, for machines
   calibrary inspect handed-over/ --table handed-over.csv
 
-exit code 0: every file was read; 1: the same, but a K cannot belong to a camera; 3: a file was not read.
+exit code 0: every file was read; 1: the same, but a K is hardly a camera's; 3: a file was not read.
 """
 
 NOT_SHOWN = (
@@ -97,7 +97,7 @@ def _show(screen: Screen, one: InspectedFile) -> None:
     for unsized in one.unsized:
         _show_calibration(screen, unsized)
     for reason in one.implausible:
-        screen.say(f"  [bold red]no camera's K[/]: {plain(reason)}")
+        screen.say(f"  [bold red]an unlikely K[/]: {plain(reason)}")
     for sentence in one.conventions:
         screen.say(f"  [dim]{plain(sentence)}[/]")
     for warning in one.warnings:

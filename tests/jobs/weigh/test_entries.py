@@ -82,8 +82,8 @@ def test_the_right_k_passes(name: str) -> None:
 WRONG = {
     "10 times, by the catalogue": (entry(36612.5, P4R), (), "against-catalogue"),
     "fx 22 890 for FC300S": (entry(22890.0, P3A), (), "against-catalogue"),
-    "in millimetres": (entry(8.8, P4R), (), "length-unit"),
-    "in millimetres, of a camera that nothing knows": (entry(8.0, ODD), (), "length-unit"),
+    "in millimetres": (entry(8.8, P4R), (), "admission"),
+    "in millimetres, of a camera that nothing knows": (entry(8.0, ODD), (), "admission"),
     "the tele's for the wide": (entry(30_000.0, M3T), (), "against-catalogue"),
     "the 35 mm equivalent for the focal length": (entry(24 / 13.2 * 5472, P4R), (), "against-catalogue"),
     "the equivalent in the key as well": (entry(24 / 13.2 * 5472, {"focal_mm": 24.0}), (), "against-catalogue"),
@@ -111,7 +111,7 @@ def test_a_k_of_another_image_size_shows_in_its_principal_point() -> None:
     one = entry(3300.0, ODD)
     K = replace(one.calibration.intrinsics, cx=1000.0, cy=750.0)
     assert judged(replace(one, calibration=replace(one.calibration, intrinsics=K))) == [
-        ("image-size", "error")
+        ("admission", "error")
     ]
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Final, TypeAlias
 
 from calibrary import parsers
+from calibrary.admission import admission, refuse_implausible
 from calibrary.arguments import Reading
 from calibrary.atomic import write_files
 from calibrary.calibration import Calibration
@@ -23,7 +24,6 @@ from calibrary.jobs.files import choose, read_file
 from calibrary.jobs.images.folders import files_in
 from calibrary.parsers.discovery import format_named
 from calibrary.parsers.format import Fidelity, Format, WriteVerdict, in_words
-from calibrary.parsers.reading import refuse_implausible
 from calibrary.parsers.writing import format_to_write
 from calibrary.progress import Progress
 from calibrary.provenance import Grade
@@ -44,6 +44,7 @@ class ConvertedFile(Record):
         radius_px: distance from the principal point up to which the difference was measured; None for the whole image.
         lost_px: how far the distortion that the file lacks moves pixels, at most.
         dropped: what the format cannot represent.
+        unlikely: why the K is hardly a camera's; None if nothing speaks against it.
         priors: grades of the calibrations with a K that was not measured.
         into: the changed cameras, if the output is an existing file with several cameras.
         backup: name of the file that restores the previous content.
@@ -60,6 +61,7 @@ class ConvertedFile(Record):
     radius_px: float | None = None
     lost_px: float | None = None
     dropped: tuple[str, ...] = ()
+    unlikely: str | None = None
     priors: tuple[Grade, ...] = ()
     into: tuple[int, ...] = ()
     backup: str | None = None
@@ -68,7 +70,7 @@ class ConvertedFile(Record):
     def __str__(self) -> str:
         if self.verdict is None:
             return f"refused: {self.error}"
-        return in_words(
+        told = in_words(
             self.verdict,
             self.rms_px or 0.0,
             self.max_px or 0.0,
@@ -76,6 +78,7 @@ class ConvertedFile(Record):
             self.dropped,
             self.lost_px or 0.0,
         )
+        return told if self.unlikely is None else f"{told}, of a K that is unlikely: {self.unlikely}"
 
 
 class ConvertReport(Record, tag_field="schema", tag="calibrary/convert-2"):
@@ -91,6 +94,11 @@ class ConvertReport(Record, tag_field="schema", tag="calibrary/convert-2"):
     def is_good(self) -> bool:
         """Whether there is a file and every file was written."""
         return bool(self.files) and all(one.error is None for one in self.files)
+
+    @property
+    def is_likely(self) -> bool:
+        """Whether every K that was written is likely a camera's."""
+        return all(one.unlikely is None for one in self.files)
 
 
 def convert_one(
@@ -225,6 +233,7 @@ def _written(
         radius_px=verdict.compared_px,
         lost_px=verdict.lost_px,
         dropped=verdict.dropped,
+        unlikely=next((one.message for one in map(admission, cameras) if one is not None), None),
         priors=tuple(dict.fromkeys(item.grade for item in cameras if not item.grade.is_metric)),
     )
 

@@ -53,6 +53,7 @@ def compare(
         CalibrationError: the common field of view is too small.
         RegistryError: neither a file nor an entry has the name.
     """
+    from calibrary.admission import admission
     from calibrary.jobs.diff import comparison, page
     from calibrary.jobs.files import read_arguments
     from calibrary.pages import check_page_place, write_page
@@ -67,6 +68,13 @@ def compare(
         labels=(one.label, two.label),
         altitude_m=altitude_m,
     )
+    doubts = [
+        f"{side.label} is an unlikely K: {doubt.message}"
+        for side in (one, two)
+        if (doubt := admission(side.calibration)) is not None
+    ]
+    if doubts:
+        found = found.doubted(doubts)
     if place is not None:
         write_page(place, page.comparison_page(found, altitude_m))
     return found

@@ -10,6 +10,7 @@ states that the agreement proves little.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Annotated, Final
 
 from calibrary.calibration import Calibration, ImageSize
@@ -22,7 +23,7 @@ from calibrary.jobs.diff.uncertainty import MEASURED_GRADES, PRIORS, Basis, std_
 from calibrary.jobs.diff.verdicts import ALARMING, ChangeVerdict, Kind, Structural, Use
 from calibrary.jobs.diff.wording import chance, listed, percent, pixels
 from calibrary.policy import FLEET, Policy
-from calibrary.records import Meta, Record
+from calibrary.records import Meta, Record, replace
 
 __all__ = ["ChangeVerdict", "DiffReport", "Ground", "Numbers", "Parameter", "compare"]
 
@@ -192,6 +193,12 @@ class DiffReport(Record, tag_field="schema", tag="calibrary/diff-1", dict=True):
         """The arrays behind ``numbers``, for maps; no part of the document, so None for one that was read."""
         found: Numbers | None = self.__dict__.get("detail")
         return found
+
+    def doubted(self, doubts: Sequence[str]) -> DiffReport:
+        """The same with what makes one of the two an unlikely K, which needs attention in any case."""
+        report = replace(self, alarm=True, warnings=(*doubts, *self.warnings))
+        report.__dict__["detail"] = self.detail
+        return report
 
     def _repr_html_(self) -> str:
         """Return the verdict, the reasons and the advice as HTML, for notebooks."""

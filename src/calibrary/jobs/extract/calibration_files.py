@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 from msgspec import Struct
 
 from calibrary import parsers
+from calibrary.admission import admission
 from calibrary.arguments import Reading
 from calibrary.calibration import Calibration, ImageSize
 from calibrary.errors import (
@@ -38,7 +39,7 @@ from calibrary.parsers.format import Sure
 from calibrary.policy import Policy
 from calibrary.records import Meta, Record, replace
 from calibrary.sfm.pixel_check import PixelCheck, PixelVerdict
-from calibrary.validation import Verdict
+from calibrary.validation import Severity, Verdict
 
 if TYPE_CHECKING:
     from calibrary.jobs.diff.comparison import DiffReport
@@ -233,7 +234,7 @@ def check_candidates(
         if fitting:
             nearest = _nearest(fitting, camera, policy)
             held = _held(candidates.label, nearest, camera, policy, altitude_m, of=len(fitting))
-            checked.append(_by_pixels(held, nearest, camera, policy))
+            checked.append(_admitted(_by_pixels(held, nearest, camera, policy), nearest))
     if checked:
         return checked
     first = candidates.calibrations[0]
@@ -244,15 +245,23 @@ def check_candidates(
     message = named or f"it is for images{whose} of {own}, and no camera here has such ({sizes})"
     if not cameras:
         message = "there are no images here to compare it with"
-    return [
-        CheckedFile(
-            file=candidates.label,
-            verdict=Rightness.OFF if cameras else Rightness.UNKNOWN,
-            message=message,
-            fx=first.intrinsics.fx,
-            altitude_m=altitude_m,
-        )
-    ]
+    held = CheckedFile(
+        file=candidates.label,
+        verdict=Rightness.OFF if cameras else Rightness.UNKNOWN,
+        message=message,
+        fx=first.intrinsics.fx,
+        altitude_m=altitude_m,
+    )
+    return [_admitted(held, first)]
+
+
+def _admitted(held: CheckedFile, K: Calibration) -> CheckedFile:
+    """The verdict on a file with what its K is by itself: what no camera has is off, whatever the images tell."""
+    found = admission(K)
+    if found is None:
+        return held
+    verdict = Rightness.OFF if found.severity is Severity.ERROR else held.verdict
+    return replace(held, verdict=verdict, message=f"{held.message}; its K is unlikely: {found.message}")
 
 
 def contradictions(

@@ -14,6 +14,7 @@ from shlex import quote
 from msgspec import Struct
 
 from calibrary import parsers
+from calibrary.admission import admission
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Provenance
 from calibrary.distortion import NoDistortion
 from calibrary.errors import InputError, first_of
@@ -447,6 +448,8 @@ def _judged(
     # An unproven fallback can replace a rejected K, but is no better than an unproven one.
     needed = {Verdict.VALID} if camera.verdict is Verdict.UNPROVEN else {Verdict.VALID, Verdict.UNPROVEN}
     why = report.failures[0].message if report.verdict not in needed else None
+    if why is not None and (unlikely := admission(calibration)) is not None:
+        why = unlikely.message
     if why is not None and why == doubt:
         why = "nothing shows that what it describes is left in images that a program changed"
     if weighed is not None and weighed.computed is not None:

@@ -16,6 +16,7 @@ from typing import Final
 from msgspec import Struct
 
 from calibrary import parsers
+from calibrary.admission import refuse_implausible
 from calibrary.arguments import Reading, Stated, Terms
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.errors import CalibraryError, InputError, RegistryError
@@ -26,7 +27,6 @@ from calibrary.jobs.layers.catalogue_entries import KIND, catalogue_entries
 from calibrary.jobs.weigh.entries import contradictions
 from calibrary.parsers.format import NOT_UNDERSTOOD
 from calibrary.parsers.imagery import read_metadata
-from calibrary.parsers.reading import refuse_implausible
 from calibrary.progress import log
 from calibrary.records import replace
 from calibrary.registry.entry import UNSTATED, Entry, Status, Validity, digest

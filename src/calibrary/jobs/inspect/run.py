@@ -10,13 +10,13 @@ from typing import Annotated, Any
 from msgspec import Meta
 
 from calibrary import parsers
+from calibrary.admission import admission, why_implausible
 from calibrary.arguments import Reading
 from calibrary.calibration import Calibration
 from calibrary.errors import CalibraryError, InputError, MissingSizeError
 from calibrary.jobs.files import read_file, read_unsized
 from calibrary.jobs.images.folders import files_in
 from calibrary.parsers.discovery import format_named
-from calibrary.parsers.reading import why_implausible, why_no_lens
 from calibrary.parsers.unsized import UnsizedCalibration
 from calibrary.progress import Progress
 from calibrary.records import Json, Record, replace
@@ -46,7 +46,7 @@ class InspectedFile(Record):
         conventions: conventions of its numbers, in sentences.
         calibrations: calibrations in the file.
         unsized: calibrations without an image size; written among the calibrations.
-        implausible: reason for each K that no camera can have.
+        implausible: reason for each K that is not, or hardly, a camera's.
         warnings: on the calibrations.
         error: reason why the file was not read; None if it was.
         tags: EXIF tags of an image; None if they were not requested.
@@ -123,7 +123,7 @@ class InspectFilesReport(Record, tag_field="schema", tag="calibrary/inspect-file
 
     @property
     def is_plausible(self) -> bool:
-        """Whether every K can belong to a camera."""
+        """Whether every K is likely a camera's."""
         return not any(one.implausible for one in self.files)
 
 
@@ -178,9 +178,9 @@ def _with_calibrations(
 ) -> InspectedFile:
     whole = tuple(item for item in found if isinstance(item, Calibration))
     unsized = tuple(item for item in found if isinstance(item, UnsizedCalibration))
-    numbers = [item.intrinsics for item in whole] + [item.intrinsics for item in unsized]
-    reasons = [*map(why_implausible, numbers), *map(why_no_lens, whole)]
-    implausible = tuple(dict.fromkeys(reason for reason in reasons if reason is not None))
+    reasons = [one.message for item in whole if (one := admission(item)) is not None]
+    reasons += [why for item in unsized if (why := why_implausible(item.intrinsics)) is not None]
+    implausible = tuple(dict.fromkeys(reasons))
     return replace(described, calibrations=whole, unsized=unsized, implausible=implausible)
 
 

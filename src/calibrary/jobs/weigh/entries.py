@@ -14,6 +14,7 @@ from typing import Final
 
 from msgspec import Struct
 
+from calibrary.admission import ADMISSION, admission
 from calibrary.calibration import Calibration, CameraKey, ImageSize, Intrinsics
 from calibrary.catalogue import shipped_catalogue
 from calibrary.catalogue.sensor_widths import sensor_width
@@ -29,14 +30,12 @@ from calibrary.registry.entry import Entry, Status
 from calibrary.registry.paths import in_use_path
 from calibrary.validation import Finding, Severity
 
-BY_UNIT: Final = "length-unit"
-BY_SIZE: Final = "image-size"
 BY_CATALOGUE: Final = "against-catalogue"
 BY_SENSOR: Final = "against-sensor"
 BY_RELATIVES: Final = "against-relatives"
 BY_LAST_APPROVED: Final = "against-last-approved"
 
-CONTRADICTIONS: Final = frozenset({BY_UNIT, BY_SIZE, BY_CATALOGUE, BY_SENSOR, BY_RELATIVES, BY_LAST_APPROVED})
+CONTRADICTIONS: Final = frozenset({ADMISSION, BY_CATALOGUE, BY_SENSOR, BY_RELATIVES, BY_LAST_APPROVED})
 """Rules of this module: the errors of a check that a person can override."""
 REMEDY: Final = "correct K or the camera's key; if it is right, --force --reason TEXT says so"
 
@@ -45,11 +44,6 @@ GROSS: Final = 0.10
 GROSS_BY_SENSOR: Final = 0.20
 """Lists of sensor widths contain errors of a few percent; a 35 mm equivalent is at least 1.5 times the focal
 length."""
-MILLIMETRES: Final = 0.05
-"""Share of the width below which fx cannot be in pixels: a field of view of 169 degrees."""
-QUARTER: Final = 0.15
-SAME_SHARE: Final = 0.04
-"""Largest difference between cx / W and cy / H for a K that refers to another image size."""
 FOCAL_TOLERANCE: Final = 0.02
 SAME_CAMERA: Final = ("make", "model", "sub_camera", "lens", "capture_mode")
 WHOLE: Final = 0.01
@@ -89,10 +83,10 @@ def contradictions(
     """
     if entry.status is Status.RETIRED:
         return
-    alone = next(_alone(entry.calibration.intrinsics), None)
+    alone = admission(entry.calibration)
     if alone is not None:
-        yield _finding(path, entry, *alone)
-        if alone[0] == BY_UNIT:
+        yield _finding(path, entry, ADMISSION, alone.measured, alone.limit, alone.message)
+        if alone.severity is Severity.ERROR:
             return
     K, camera = entry.calibration, entry.calibration.camera
     fx, known = K.intrinsics.fx, [*_known(path, entry, entries, last_approved, policy)]
@@ -117,8 +111,8 @@ def _finding(
     path: str,
     entry: Entry,
     rule: str,
-    off: float,
-    limit: float,
+    off: float | None,
+    limit: float | None,
     message: str,
     severity: Severity = Severity.ERROR,
 ) -> Finding:
@@ -134,22 +128,6 @@ def _finding(
         message=message,
         remedy=remedy,
     )
-
-
-def _alone(K: Intrinsics) -> Iterator[tuple[str, float, float, str]]:
-    """What is wrong with a K whatever its camera: it is in millimetres, or of another image size."""
-    width, height = K.image_size
-    share, across, down = K.fx / width, 2 * K.cx / width, 2 * K.cy / height
-    if share < MILLIMETRES:
-        message = f"fx = {K.fx:g} of an image {width} px wide is not in pixels; is it a length in mm?"
-        yield BY_UNIT, share, MILLIMETRES, message
-    # cx / W and cy / H are equal, and not one half.
-    if abs(across - 1.0) > QUARTER and abs(across / down - 1.0) <= SAME_SHARE:
-        message = (
-            f"the principal point ({K.cx:.1f}, {K.cy:.1f}) px is the middle of an image of "
-            f"{across * width:.0f}×{across * height:.0f} px, and the key says {width}×{height}"
-        )
-        yield BY_SIZE, abs(across - 1.0), QUARTER, message
 
 
 def _known(

@@ -1,0 +1,141 @@
+"""A K that is hardly a camera's is told in the same words by every command that a file enters by."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calibrary.admission import admission
+from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance
+from calibrary.cli.main import main
+from calibrary.distortion import BrownConrady
+from calibrary.parsers import write
+from tests.jobs.extract.fleet import gate, only, picture
+
+LENS = BrownConrady(k1=-0.1, k2=0.02, p1=0.0005, p2=-0.0004)
+FORMATS = {
+    "opencv_storage": "a.yml",
+    "ros_camera_info": "a.yaml",
+    "colmap_text": "a.txt",
+    "transforms_json": "a.json",
+    "numpy_npz": "a.npz",
+    "keyed_text": "a.txt",
+    "kalibr": "a.yaml",
+    "ros_ini": "a.ini",
+}
+"""A file's name by its format."""
+
+
+def camera(
+    fx: float = 800.0,
+    fy: float = 801.0,
+    cx: float = 640.0,
+    cy: float = 360.0,
+    size: tuple[int, int] = (1280, 720),
+    lens: BrownConrady = LENS,
+) -> Calibration:
+    return Calibration(
+        camera=CameraKey(make="Example", model="One"),
+        intrinsics=Intrinsics(fx=fx, fy=fy, cx=cx, cy=cy, image_size=size),
+        distortion=lens,
+        grade=Grade.CALIBRATED,
+        provenance=Provenance(kind="calibration-file"),
+    )
+
+
+UNLIKELY = {
+    "centre outside": (
+        camera(cx=956.0, cy=542.0, size=(400, 300)),
+        "the principal point (956, 542) lies outside 400×300; it fits 1912×1084",
+    ),
+    "sides exchanged": (
+        camera(size=(720, 1280)),
+        "lies 39% of a side from the middle of 720×1280; it fits 1280×720: the sides are exchanged",
+    ),
+    "fx and fy apart": (camera(820.0, 310.0), "fx and fy differ by 62.20%"),
+    "another order": (camera(800.0, 640.0, 801.0, 360.0), "its numbers fit as fx, cx, fy, cy"),
+    "from the middle": (camera(cx=12.0, cy=-9.0), "the principal point is counted from the middle"),
+    "a lens that folds": (
+        camera(lens=BrownConrady(k1=-0.55, k2=0.0, p1=0.0, p2=0.0)),
+        "the distortion is not monotonic out to 4 of 4 image corners",
+    ),
+    "a field of view": (
+        camera(200.0, 200.0, lens=BrownConrady(k1=0.0, k2=0.0, p1=0.0, p2=0.0)),
+        "field of view of 145°",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", UNLIKELY)
+def test_what_is_unlikely_is_told_with_the_reading_that_makes_a_camera(name: str) -> None:
+    K, told = UNLIKELY[name]
+    found = admission(K)
+    assert found is not None
+    assert told in found.message
+
+
+@pytest.mark.parametrize(
+    "K",
+    [
+        camera(),
+        camera(cx=560.0),
+        camera(fy=820.0),
+        camera(size=(720, 1280), cx=360.0, cy=640.0),
+        camera(20_000.0, 20_000.0),
+    ],
+    ids=["usual", "a crop", "hardly oblong", "upright", "telephoto"],
+)
+def test_a_camera_is_admitted(K: Calibration) -> None:
+    assert admission(K) is None
+
+
+@pytest.mark.parametrize("name", FORMATS)
+@pytest.mark.parametrize(
+    ("K", "told"),
+    [(K, told.rpartition("; ")[2]) for K, told in UNLIKELY.values()],
+    ids=[*UNLIKELY],
+)
+def test_every_command_tells_it_and_its_exit_code_is_not_0(
+    name: str,
+    K: Calibration,
+    told: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "400")
+    file = tmp_path / FORMATS[name]
+    write([K], file, name, max_error_px=1e9)
+    (tmp_path / "im").mkdir()
+    picture(tmp_path / "im" / "a.jpg", K.intrinsics.image_size, make="Example", model="One")
+    for command in (
+        ["inspect", str(file)],
+        ["convert", str(file), "out.yml", "--to", "opencv"],
+        ["check", "im", str(file)],
+        ["diff", str(file), str(file)],
+    ):
+        assert main(command) != 0
+        said = capsys.readouterr()
+        assert told in " ".join(f"{said.out} {said.err}".split())
+
+
+def test_an_unlikely_k_is_converted_and_force_says_that_it_is_meant(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "a.yaml"
+    write([UNLIKELY["sides exchanged"][0]], file, "ros_camera_info")
+    assert main(["convert", str(file), str(tmp_path / "b.yml"), "--to", "opencv"]) == 1
+    assert "of a K that is unlikely: the principal point" in " ".join(capsys.readouterr().out.split())
+    assert main(["convert", str(file), str(tmp_path / "c.yml"), "--to", "opencv", "--force"]) == 0
+
+
+def test_a_file_beside_the_images_is_refused_in_the_same_words(tmp_path: Path) -> None:
+    K, _ = UNLIKELY["centre outside"]
+    picture(tmp_path / "a.jpg", K.intrinsics.image_size, make="Example", model="One")
+    np.save(tmp_path / "K.npy", K.intrinsics.matrix)
+    camera = only(gate(tmp_path, fallback_k=tmp_path / "K.npy"))
+    assert camera.fallback is not None
+    assert "lies outside 400×300; it fits 1912×1084" in camera.fallback.steps[0].why
