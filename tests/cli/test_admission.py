@@ -12,7 +12,8 @@ from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Pro
 from calibrary.cli.main import main
 from calibrary.distortion import BrownConrady
 from calibrary.parsers import write
-from tests.jobs.extract.fleet import gate, only, picture
+from calibrary.registry.init import init
+from tests.jobs.extract.fleet import picture
 
 LENS = BrownConrady(k1=-0.1, k2=0.02, p1=0.0005, p2=-0.0004)
 FORMATS = {
@@ -67,6 +68,9 @@ UNLIKELY = {
     ),
 }
 
+OF_LENS = {"a lens that folds", "a field of view"}
+"""Those that a matrix alone cannot show."""
+
 
 @pytest.mark.parametrize("name", UNLIKELY)
 def test_what_is_unlikely_is_told_with_the_reading_that_makes_a_camera(name: str) -> None:
@@ -81,14 +85,40 @@ def test_what_is_unlikely_is_told_with_the_reading_that_makes_a_camera(name: str
     [
         camera(),
         camera(cx=560.0),
+        camera(1011.4, 1008.5, 645.5, 508.8),
+        camera(1800.0, 1800.0, 640.0, 715.0),
+        camera(
+            534.25,
+            534.06,
+            640.07,
+            368.5,
+            lens=BrownConrady(k1=-0.0592, k2=0.0358, p1=0.0, p2=0.0, k3=-0.01446),
+        ),
         camera(fy=820.0),
         camera(size=(720, 1280), cx=360.0, cy=640.0),
         camera(20_000.0, 20_000.0),
     ],
-    ids=["usual", "a crop", "hardly oblong", "upright", "telephoto"],
+    ids=[
+        "usual",
+        "a crop",
+        "a crop of 4:3",
+        "a projector",
+        "a fold at the corners",
+        "hardly oblong",
+        "upright",
+        "telephoto",
+    ],
 )
 def test_a_camera_is_admitted(K: Calibration) -> None:
     assert admission(K) is None
+
+
+@pytest.fixture(scope="module")
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A registry, which stays empty because every entry is refused."""
+    place = tmp_path_factory.mktemp("registry") / "fleet"
+    init(place)
+    return place
 
 
 @pytest.mark.parametrize("name", FORMATS)
@@ -101,6 +131,7 @@ def test_every_command_tells_it_and_its_exit_code_is_not_0(
     name: str,
     K: Calibration,
     told: str,
+    fleet: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -116,10 +147,22 @@ def test_every_command_tells_it_and_its_exit_code_is_not_0(
         ["convert", str(file), "out.yml", "--to", "opencv"],
         ["check", "im", str(file)],
         ["diff", str(file), str(file)],
+        [
+            "registry",
+            "add",
+            str(file),
+            "--make",
+            "Example",
+            "--model",
+            "One",
+            "--registry",
+            str(fleet),
+            "--yes",
+        ],
     ):
-        assert main(command) != 0
+        assert main(command) != 0, command
         said = capsys.readouterr()
-        assert told in " ".join(f"{said.out} {said.err}".split())
+        assert told in " ".join(f"{said.out} {said.err}".split()), (command, said)
 
 
 def test_an_unlikely_k_is_converted_and_force_says_that_it_is_meant(
@@ -132,10 +175,44 @@ def test_an_unlikely_k_is_converted_and_force_says_that_it_is_meant(
     assert main(["convert", str(file), str(tmp_path / "c.yml"), "--to", "opencv", "--force"]) == 0
 
 
-def test_a_file_beside_the_images_is_refused_in_the_same_words(tmp_path: Path) -> None:
-    K, _ = UNLIKELY["centre outside"]
+@pytest.mark.parametrize("name", [name for name in UNLIKELY if name not in OF_LENS])
+def test_extract_refuses_a_fallback_in_the_same_words(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    K, told = UNLIKELY[name]
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "400")
     picture(tmp_path / "a.jpg", K.intrinsics.image_size, make="Example", model="One")
-    np.save(tmp_path / "K.npy", K.intrinsics.matrix)
-    camera = only(gate(tmp_path, fallback_k=tmp_path / "K.npy"))
-    assert camera.fallback is not None
-    assert "lies outside 400×300; it fits 1912×1084" in camera.fallback.steps[0].why
+    np.save("K.npy", K.intrinsics.matrix)
+    assert (
+        main(["extract", ".", "--fallback-k", "K.npy", "--output-matrix", "out.npy", "--registry", "none"])
+        == 1
+    )
+    said = capsys.readouterr()
+    assert told in " ".join(f"{said.out} {said.err}".split())
+    assert not Path("out.npy").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [
+        ("centre outside", camera(cx=956.0, cy=542.0, size=(1912, 1084))),
+        ("sides exchanged", camera(size=(1280, 720))),
+        ("another order", camera(800.0, 801.0, 640.0, 360.0)),
+        ("from the middle", camera(cx=652.0, cy=351.0)),
+    ],
+)
+def test_the_reading_that_is_named_is_admitted(name: str, meant: Calibration) -> None:
+    assert admission(UNLIKELY[name][0]) is not None
+    assert admission(meant) is None
+
+
+def test_what_no_camera_has_is_converted_by_the_force_that_is_advised(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "a.yaml"
+    write([camera(8.8, 8.8)], file, "ros_camera_info", max_error_px=1e9)
+    convert = ["convert", str(file), str(tmp_path / "b.yml"), "--to", "opencv"]
+    assert main(convert) == 3
+    assert "give --force to take it all the same" in " ".join(capsys.readouterr().err.split())
+    assert main([*convert, "--force"]) == 0

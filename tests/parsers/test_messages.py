@@ -43,6 +43,13 @@ def _sentences() -> Iterator[tuple[str, str]]:
             for node in nodes
             if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
         }
+        documentation |= {
+            id(word.value)
+            for node in nodes
+            if isinstance(node, ast.Call)
+            for word in node.keywords
+            if word.arg == "words"
+        }
         for node in nodes:
             text = node.value if isinstance(node, ast.Constant) else None
             if isinstance(text, str) and " " in text and id(node) not in documentation:

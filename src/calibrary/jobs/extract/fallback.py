@@ -29,6 +29,7 @@ from calibrary.jobs.weigh.use import allowed
 from calibrary.policy import Policy
 from calibrary.records import Record, replace
 from calibrary.registry.paths import id_of
+from calibrary.registry.resolution import Resolution
 from calibrary.validation import Finding, Report, Severity, Verdict, validate
 
 AGAINST_AN_ENTRY = frozenset({"focal-plausibility", "one-calibration"})
@@ -304,7 +305,7 @@ def _from_registry(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
     own, source = known.resolution.entry.calibration, resolved.provenance.source
     calibration, report, step = _judged(camera, resolved, policy, name, source, measured=own)
     if step.outcome is StepOutcome.TAKEN:
-        step = replace(step, why=f"{step.why}; {known.resolution.why}")
+        step = replace(step, why=f"{step.why}; {_chosen(known.resolution, resolved)}")
     return calibration, report, step
 
 
@@ -328,7 +329,14 @@ def outranking(camera: Camera, policy: Policy, sources: Sources) -> Fallback | N
         return None
     apart = own.intrinsics.fx / calibration.intrinsics.fx - 1.0
     why = f"it was measured ({calibration.grade}), and {own.provenance.tag} of the images agrees to {abs(apart):.2%}"
-    return Fallback(steps=(replace(step, why=f"{why}; {known.why}"),), calibration=calibration, report=report)
+    why = f"{why}; {_chosen(known, calibration)}"
+    return Fallback(steps=(replace(step, why=why),), calibration=calibration, report=report)
+
+
+def _chosen(known: Resolution, used: Calibration) -> str:
+    """Why this entry, and how its K became that of these images."""
+    own, now = known.entry.calibration.provenance.adaptation, used.provenance.adaptation
+    return known.why if now is None or now == own else f"{known.why}; {now}"
 
 
 def moved(camera: Camera, policy: Policy, root: Path) -> Camera:
