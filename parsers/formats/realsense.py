@@ -29,6 +29,7 @@ Source: librealsense, ``rs_types.h``, ``rsutil.h`` and "Projection in RealSense 
 from __future__ import annotations
 
 import re
+from codecs import BOM_UTF8
 from collections.abc import Callable, Iterator, Sequence
 
 from calibrary.calibration import Calibration, ImageSize
@@ -92,7 +93,7 @@ def sniff(content: Content) -> Sniff | None:
 
 def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The rectified camera at every resolution, or every stream."""
-    if not data.lstrip().startswith((b"{", b"[")):
+    if not data.removeprefix(BOM_UTF8).lstrip().startswith((b"{", b"[")):
         document = Node(_printed(data, context.name), source=context.name)
     else:
         document = loaded(data, context)
