@@ -164,7 +164,6 @@ class TestFrames:
         assert found.calibration.quality is not None
         assert found.calibration.quality.std == {"fx": 0.5, "k1": 0.01}
         assert found.calibration.provenance.adaptation == "scaled 5472×3648 → 2736×1824"
-        assert "scaled 5472×3648 → 2736×1824" in found.why
 
     @pytest.mark.parametrize(
         ("size", "cx", "cy"), [((4864, 3648), 2731.5 - 304, 1831.25), ((5472, 3078), 2731.5, 1546.25)]
