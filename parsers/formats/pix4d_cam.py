@@ -14,9 +14,9 @@ In the format's own words::
     T1 … T2 …
 
 one key to a line. Px and Py are mm from the image's top-left corner, y down; only the ratio of all lengths to
-the sensor width in the comment means anything, and Pix4D does not state the image size: calibrary writes it into a
-comment (``#Image size 5472x3648 px``), and reads it there. Pixels are square. The coefficients act on x/z, y/z as
-OpenCV's, T1 and T2 being its p1 and p2.
+the sensor width in the comment means anything, and Pix4D does not state the image size: a file that is written here
+has it in a comment (``#Image size 5472x3648 px``), and reads it there. Pixels are square. The coefficients act on x/z,
+y/z as OpenCV's, T1 and T2 being its p1 and p2.
 
 Sources: Pix4D support, "How are the internal and external camera parameters defined?"; a project's .cam and its
 ``calibrated_camera_parameters.txt`` hold the same K once both are in pixels.

@@ -77,7 +77,7 @@ def nothing(folder: Path) -> None:
     [
         (nothing, "checkerboard:9x6", 3, "a folder without images"),
         (empty_walls, "checkerboard:9x6", 1, "no checkerboard:9x6 found in any of 3 frames"),
-        (two_views, "checkerboard:8x5", 1, "but one of 9×6 inner corners; give checkerboard:9x6"),
+        (two_views, "checkerboard:8x5", 1, "but it has 9×6 inner corners; give checkerboard:9x6"),
         (two_sizes, "checkerboard:9x6", 3, "of 2 sizes"),
         (two_cameras, "checkerboard:9x6", 3, "of 2 cameras"),
         (two_focuses, "checkerboard:9x6", 3, "of 2 focus settings: 2 of 1.5 m"),

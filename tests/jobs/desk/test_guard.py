@@ -210,19 +210,6 @@ def test_who_has_the_password_is_let_in_at_the_stated_address(fleet: Path, tmp_p
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux listens on all of 127/8")
-def test_a_unit_has_a_qr_code_where_a_telephone_can_open_its_page(
-    served: Desk, fleet: Path, tmp_path: Path
-) -> None:
-    page = "/cameras/dji/fc6310r/5472x3648+f8.8.html"
-    shown = " ".join(asked(served, page, Cookie=cookie(served))[2].split())
-    assert "No telephone reaches this address; it reaches a desk with" in shown
-    with shared(fleet, tmp_path, "127.0.0.2") as server:
-        form = {"Content_Type": FORM, "Origin": own(server)}
-        let_in = asked(server, "/start", "POST", body=RIGHT, **form)[1]["Set-Cookie"].partition(";")[0]
-        assert f"QR code of {own(server)}{page.replace('+', '%2B')}" in asked(server, page, Cookie=let_in)[2]
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="only Linux listens on all of 127/8")
 def test_who_hangs_up_may_not_guess_again_any_sooner(fleet: Path, tmp_path: Path) -> None:
     with shared(fleet, tmp_path, "127.0.0.2") as server:
         head = f"POST /start HTTP/1.1\r\nHost: 127.0.0.2:{server.port}\r\nOrigin: {own(server)}\r\n"

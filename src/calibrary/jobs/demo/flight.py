@@ -521,7 +521,7 @@ def _frames(seed: int) -> Iterator[_Frame]:
             name="phantom4/DJI_0007.JPG",
             camera="Phantom 4",
             story="early firmware wrote the focal length as 0/0",
-            outcome=Expectation.REJECTED,
+            outcome=Expectation.UNPROVEN,
             reason="a zero denominator is not a focal length",
         ),
         size=(4000, 3000),
@@ -643,7 +643,7 @@ def _processed(shots: Iterator[Shot]) -> Iterator[_Frame]:
         name="phone/DJI_0105.jpg",
         camera="Phantom 4 Pro",
         story="exported by an app that kept the 35 mm equivalent and dropped the focal length",
-        outcome=Expectation.REJECTED,
+        outcome=Expectation.UNPROVEN,
         reason="24 mm on film is not a focal length of this camera",
     )
     kept = Head(
