@@ -59,7 +59,7 @@ def test_every_k_is_the_one_that_was_built_in(flight: Flight, judged: Judged) ->
     for image in flight[1]:
         camera = camera_of(judged, image)
         if image.fx_px is None:
-            assert camera is None or camera["verdict"] != "valid"
+            assert camera is None or "K" not in camera["calibration"]
             continue
         assert camera is not None
         assert camera["calibration"]["intrinsics"]["fx"] == pytest.approx(image.fx_px, rel=1e-3), image.name
@@ -80,7 +80,7 @@ def test_nothing_private_is_in_any_output(flight: Flight, judged: Judged) -> Non
 
 
 def test_the_zoomed_frame_has_a_k_that_no_solver_gets(flight: Flight, judged: Judged) -> None:
-    [zoomed] = [image for image in flight[1] if image.outcome is Expectation.UNPROVEN and image.fx_px]
+    [zoomed] = [image for image in flight[1] if image.name == "phantom4pro/DJI_0102.JPG"]
     camera = camera_of(judged, zoomed)
     assert camera is not None
     assert (judged[2] / camera["output"]).exists()

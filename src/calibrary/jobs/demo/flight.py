@@ -522,7 +522,9 @@ def _frames(seed: int) -> Iterator[_Frame]:
             camera="Phantom 4",
             story="early firmware wrote the focal length as 0/0",
             outcome=Expectation.UNPROVEN,
-            reason="a zero denominator is not a focal length",
+            fx_px=2284.0,
+            grade=Grade.DESIGN,
+            reason="a zero denominator is no focal length; K is the catalogue's",
         ),
         size=(4000, 3000),
         head=phantom_4(next(shots)),
@@ -644,7 +646,9 @@ def _processed(shots: Iterator[Shot]) -> Iterator[_Frame]:
         camera="Phantom 4 Pro",
         story="exported by an app that kept the 35 mm equivalent and dropped the focal length",
         outcome=Expectation.UNPROVEN,
-        reason="24 mm on film is not a focal length of this camera",
+        fx_px=3660.77,
+        grade=Grade.DESIGN,
+        reason="24 mm on film is no focal length of it; K is the catalogue's",
     )
     kept = Head(
         exif={"Make": "DJI", "Model": "FC6310", "Software": "Gallery 4.1", "FocalLengthIn35mmFilm": 24}
