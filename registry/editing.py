@@ -174,7 +174,7 @@ def edit(snapshot: Snapshot, changes: Mapping[str, Edit], *, verb: str, terms: T
 
     Raises:
         InputError: a label, tag, note or day is not valid.
-        RegistryError: an entry cannot be read, or is held and its days would change.
+        RegistryError: an entry cannot be read.
     """
     beside = {
         proposal_path(path): change

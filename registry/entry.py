@@ -237,16 +237,15 @@ class Status(StrEnum):
 
     DRAFT = "draft"
     APPROVED = "approved"
-    HELD = "held"
     RETIRED = "retired"
 
     @property
     def is_usable(self) -> bool:
-        """Whether the entry may be used: it is approved, or held against replacement."""
+        """Whether the entry may be used."""
         return self in USABLE
 
 
-USABLE: Final = frozenset({Status.APPROVED, Status.HELD})
+USABLE: Final = frozenset({Status.APPROVED})
 
 USUAL_TOLERANCE: Final = 0.03
 """Relative difference of fx between K's of one camera, if neither the entry nor the policy states one."""
@@ -340,7 +339,7 @@ class EntryFields(Record):
     Attributes:
         calibration: K in the canonical pixel origin, and distortion; its camera is the entry's key, with a hashed
             serial number and without firmware (see ``firmware``).
-        status: only approved and held entries are used.
+        status: only approved entries are used.
         reason: reason for the status.
         firmware: firmware versions that the entry applies to; None for all.
         aliases: other names of the camera.

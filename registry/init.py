@@ -188,7 +188,7 @@ One YAML file per camera, in `cameras/<make>/<model>/<variant>.yaml`; what is pr
 same path in `proposals/`, and nothing uses it. A unit with its own calibration has a folder
 `sn-<hash>/` between the two; the serial number itself is not stored. The history of a camera is the git history of
 its file. `registry.yaml` is the configuration: the schema versions, the limits that entries are checked against, and
-who approves. `statements/` says what is approved, held and retired, and by whom: small files, signed where people have
+who approves. `statements/` says what is approved and retired, and by whom: small files, signed where people have
 keys, that are only ever added. A file in `cameras/` that no statement approves is not used.
 
 ## An entry
@@ -196,8 +196,7 @@ keys, that are only ever added. A file in `cameras/` that no statement approves 
 ```yaml
 {example}```
 
-- `status`: `draft` is proposed (in `proposals/`), `approved` is used, `held` is used and protected
-  from replacement, `retired` is no longer used.
+- `status`: `draft` is proposed (in `proposals/`), `approved` is used, `retired` is no longer used.
 - `intrinsics` is K. `distortion` is separate: `null` is unknown, `model: none` means known to be none. The formula of
   each model, with its parameters in order, is in [DISTORTION.md](DISTORTION.md).
 - `grade`, best first: `calibrated` (measured on this unit), `adjusted` (from a bundle adjustment), `design` (the

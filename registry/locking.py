@@ -18,7 +18,7 @@ from msgspec import Struct, field
 
 from calibrary.errors import InputError, ParseError, RegistryError, first_of
 from calibrary.records import Meta, Record, from_json, replace, require_declared, to_json
-from calibrary.registry.entry import USABLE, Status, digest
+from calibrary.registry.entry import Status, digest
 from calibrary.registry.entry_yaml import Layout, document_lines, parse_entry
 from calibrary.registry.git.objects import ObjectId, blob_id
 from calibrary.registry.resolution import Earlier, RegistryIndex
@@ -73,7 +73,7 @@ def usable_paths(snapshot: Snapshot) -> list[str]:
         raise error
 
     rows = snapshot.rows(snapshot.paths, unreadable=refuse)
-    return [path for path, row in rows if row["status"] in USABLE]
+    return [path for path, row in rows if row["status"] == Status.APPROVED]
 
 
 def locked(snapshot: Snapshot, lock_file: Path) -> Locked:

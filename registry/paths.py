@@ -112,7 +112,7 @@ def check_path(path: str) -> str:
 
 
 ROOT: Final = "cameras/"
-"""Folder of approved, held and retired entries."""
+"""Folder of approved and retired entries."""
 PROPOSED: Final = "proposals/"
 """Folder of proposals, with the same paths as in use; they are not used before approval."""
 SUFFIX: Final = ".yaml"

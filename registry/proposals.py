@@ -187,8 +187,8 @@ class Proposal(Struct, frozen=True, kw_only=True):
 
     @property
     def decided(self) -> str | None:
-        """Id of the file that a decision is on: of the proposal to approve, of the entry to hold or retire."""
-        is_ended = self.start is not None or self.entry.status in {Status.HELD, Status.RETIRED}
+        """Id of the file that a decision is on: of the proposal to approve, of the entry to retire."""
+        is_ended = self.start is not None or self.entry.status is Status.RETIRED
         return self.approves or (self.base if is_ended else None)
 
     @property
@@ -313,7 +313,7 @@ class ChangedEntry(Record):
 
 
 class ChangeReport(Record, tag_field="schema", tag="calibrary/registry-change-1"):
-    """Output of ``calibrary registry add``, ``approve``, ``hold``, ``retire`` and ``set`` with ``--json``.
+    """Output of ``calibrary registry add``, ``approve``, ``retire`` and ``set`` with ``--json``.
 
     Attributes:
         registry: folder of the registry.
@@ -377,7 +377,7 @@ def require_digest(text: str) -> str:
 
 
 def require_digests(proposals: Proposals, digests: Sequence[str]) -> None:
-    """Check that what is approved, held or retired is what was looked at.
+    """Check that what is approved or retired is what was looked at.
 
     Args:
         proposals: what is to be written.
@@ -435,17 +435,6 @@ def differs_in_status_only(one: Proposal) -> bool:
     return {change.name for change in one.changes} <= {"status", "reason"}
 
 
-def require_not_held(current: Entry | None, remedy: str = "") -> None:
-    """Check that an entry may be replaced.
-
-    Raises:
-        RegistryError: the entry is held.
-    """
-    if current is not None and current.status is Status.HELD:
-        why = f" ({current.reason})" if current.reason else ""
-        raise RegistryError(f"{current.id} is held{why}: nothing was written{remedy}")
-
-
 BY_HAND: Final = "numbers changed by hand"
 FREELY: Final = Terms()
 """A proposal without a reason, which overrides nothing."""
@@ -472,7 +461,6 @@ def propose(
 
     Raises:
         InputError: two of the entries have the same path.
-        RegistryError: a current entry is held, and the terms do not say ``force``.
     """
     seen: set[str] = set()
     items = []
@@ -483,8 +471,6 @@ def propose(
             )
         seen.add(entry.path)
         here = CurrentFiles.of(snapshot, entry.path)
-        if not terms.force:
-            require_not_held(here.current, "; --force --reason TEXT replaces it")
         stated = entry
         for known in (here.proposed, here.current):
             if known is not None:
@@ -575,7 +561,7 @@ def judged(snapshot: Snapshot, proposals: Proposals, judge: Judge, override: str
 
 
 def _keeps_k(one: Proposal) -> bool:
-    """Whether the K in use stays: only what an approval does not cover changes, or it is held or retired."""
+    """Whether the K in use stays: only what an approval does not cover changes, or it is retired."""
     stays = one.current is not None and one.current.is_usable
     return needs_no_approval(one) or (stays and differs_in_status_only(one))
 
@@ -727,77 +713,56 @@ def _source(made: Provenance) -> tuple[object, ...]:
     return made.kind, made.source, made.sha256, made.sources
 
 
-VERBS: Final[Mapping[Status, str]] = {
-    Status.APPROVED: "Approve",
-    Status.HELD: "Hold",
-    Status.RETIRED: "Retire",
-}
-
-
-def propose_status(
-    registry: Registry,
+def propose_retirements(
+    snapshot: Snapshot,
     keys: Sequence[str],
-    status: Status,
-    terms: Terms = FREELY,
+    reason: str,
     *,
-    source: str | None = None,
     successor: str | None = None,
     start: date | None = None,
 ) -> Proposals:
-    """Propose to approve, hold or retire entries; nothing is written.
+    """Propose to retire entries, and to withdraw proposals; nothing is written.
 
     Args:
-        registry: the registry.
+        snapshot: newest state of the registry.
         keys: keys of the entries, without a revision.
-        status: new status.
-        terms: why, the days on which an approved entry may be used instead of those it states, and whether a
-            contradiction to known facts about its camera is overridden.
-        source: branch with the proposals to approve; None for the current one.
+        reason: why.
         successor: KEY of the entry that replaces a retired one, and will state so.
         start: first day of a retirement: images of the days before keep their K.
 
     Raises:
         UnknownCameraError: an entry does not exist.
-        RegistryError: a key is ambiguous or contains a revision, the current entry is held, or the successor
-            already supersedes another.
+        RegistryError: a key is ambiguous or contains a revision, or the successor already supersedes another.
     """
-    if status is Status.APPROVED:
-        return _approving(registry.snapshot(), registry.snapshot(source), keys, terms)
-    return _of_current(registry.snapshot(), keys, status, terms.reason, successor, start)
-
-
-def _of_current(
-    snapshot: Snapshot,
-    keys: Sequence[str],
-    status: Status,
-    reason: str | None,
-    successor: str | None = None,
-    start: date | None = None,
-) -> Proposals:
-    """Propose to hold or retire current entries; arguments and errors as for :func:`propose_status`."""
     stored = {one.path: one for one in (_current(snapshot, key) for key in keys)}
     items = []
     for one in stored.values():
-        if not one.is_pending and start is not None:
-            items.append(_retired_from(snapshot, one, start, reason))
-        elif not one.is_pending:
-            items.append(_changed(one, _with_status(one.entry, status, reason)))
-        elif status is Status.RETIRED:
+        if one.is_pending:
             items.append(_withdrawn(one, reason))
+        elif start is not None:
+            items.append(_retired_from(snapshot, one, start, reason))
         else:
-            raise RegistryError(
-                f"{one.id} is only proposed, and only what is approved can be {status.value}: 'calibrary registry "
-                f"approve {one.id}' comes first"
-            )
+            items.append(_changed(one, _with_status(one.entry, Status.RETIRED, reason)))
     if successor is not None:
         items.append(_succeeding(_current(snapshot, successor), [*stored.values()]))
-    return checked(snapshot, items, VERBS[status])
+    return checked(snapshot, items, "Retire")
 
 
-def _approving(snapshot: Snapshot, source: Snapshot, keys: Sequence[str], terms: Terms) -> Proposals:
-    """Propose to approve proposals; arguments and errors as for :func:`propose_status`.
+def propose_approvals(
+    snapshot: Snapshot, source: Snapshot, keys: Sequence[str], terms: Terms = FREELY
+) -> Proposals:
+    """Propose to approve proposals; nothing is written.
 
-    ``snapshot`` is of the branch where the entries become usable, ``source`` of the one with the proposals.
+    Args:
+        snapshot: state in which the entries become usable.
+        source: state with the proposals.
+        keys: keys of the entries, without a revision.
+        terms: why, the days on which an approved entry may be used instead of those it states, and whether a
+            contradiction to known facts about its camera is overridden.
+
+    Raises:
+        UnknownCameraError: an entry does not exist.
+        RegistryError: a key is ambiguous or contains a revision.
     """
     items: dict[str, Proposal] = {}
     validity = Validity.between(terms.valid_from, terms.valid_until)
@@ -805,8 +770,6 @@ def _approving(snapshot: Snapshot, source: Snapshot, keys: Sequence[str], terms:
         _refuse_revision(key)
         proposed = source.pending(key)
         here = CurrentFiles.of(snapshot, in_use_path(proposed.path))
-        if proposed.is_pending and not terms.force:
-            require_not_held(here.current, "; --force --reason TEXT replaces it")
         entry = _with_status(proposed.entry, Status.APPROVED, terms.reason)
         if validity is not None:
             entry = replace(entry, validity=validity)
@@ -825,7 +788,7 @@ def _approving(snapshot: Snapshot, source: Snapshot, keys: Sequence[str], terms:
         said = brought(snapshot, source, entry)
         proposal = replace(_warned(proposal_of(entry, before, here.oid, replaced=gone)), brought=said)
         items[entry.path] = replace(proposal, approves=proposed.oid) if proposed.is_pending else proposal
-    return checked(snapshot, [*items.values()], VERBS[Status.APPROVED])
+    return checked(snapshot, [*items.values()], "Approve")
 
 
 def _retired_from(snapshot: Snapshot, stored: StoredEntry, start: date, reason: str | None) -> Proposal:
@@ -956,7 +919,6 @@ def save(
 ACTIONS: Final[Mapping[Status, Action]] = {
     Status.DRAFT: "propose",
     Status.APPROVED: "approve",
-    Status.HELD: "hold",
     Status.RETIRED: "retire",
 }
 
@@ -971,9 +933,6 @@ def _act(one: Proposal) -> Act | None:
     )
     if needs_no_approval(one):
         action = "label"
-    elif one.start is None and one.current is not None and one.current.status is one.entry.status:
-        # What is held or retired stays so, and its other fields wait for an approval.
-        action = "approve" if one.entry.status is Status.HELD else action
     return Act(
         action=action,
         entry=one.entry,

@@ -37,7 +37,6 @@ from calibrary.registry.statements import (
     state_after,
 )
 
-ENDING: Final = frozenset({"retire", "hold"})
 FORMER: Final = "was made under former rules, by a key of nobody in those in force"
 MOST: Final = 10_000
 """Statements on one subject that are read; a person makes one at a time."""
@@ -302,9 +301,9 @@ class InForce(Struct, frozen=True, kw_only=True):
     Attributes:
         content: digest of the content that may be used; None if there is none.
         blobs: git's ids of files with that content.
-        status: approved, held or retired; draft if nothing was ever approved.
+        status: approved or retired; draft if nothing was ever approved.
         until: first day from which it is retired.
-        reason: why it is held or retired.
+        reason: why it is approved or retired.
         approvals: approvals of it; empty if the foundation took it over.
         former: contents that were in use and are not retired, with the first day of a retirement.
         waiting: numbers of people who approved a content, as long as they are too few.
@@ -437,7 +436,7 @@ class Book:
             line.split()[0] for line in self._lines(epoch.closed, one.subject)
         }:
             return None
-        if one.body.action not in ENDING:
+        if one.body.action != "retire":
             return "was made under former rules, and not known when they ended"
         if self.rulebook.epoch.rules.is_signed and one.key not in self.rulebook.epoch.owners:
             return FORMER
@@ -518,7 +517,7 @@ class Book:
             return f"statement {missing} on it is missing, which another one names; git revert restores it"
         for one in chain.broken:
             is_of_it = one.body is not None and one.path == f"{STATEMENTS}{one.body.subject}/{one.id}"
-            ends = one.body is None or (is_of_it and one.body.action in ENDING)
+            ends = one.body is None or (is_of_it and one.body.action == "retire")
             if ends or one.id in expected:
                 what = (
                     f"a statement that it is to {one.body.action}"
@@ -527,7 +526,7 @@ class Book:
                 )
                 return f"{what} is damaged: {one.path} {one.why}; git revert restores it"
         for signed in chain.all.values():
-            if signed.body.action in ENDING and (why := self.why_not(signed)) not in {None, FORMER}:
+            if signed.body.action == "retire" and (why := self.why_not(signed)) not in {None, FORMER}:
                 return (
                     f"somebody states that it is to {signed.body.action}, and that statement {why}: "
                     f"{_path(signed)}; sign it or remove it"
@@ -575,7 +574,6 @@ class _Ledger:
         self._adopted = adopted
         self._retired = [one for one in counting if one.body.action == "retire" and one.body.start is None]
         self._starts = [one for one in counting if one.body.action == "retire" and one.body.start is not None]
-        self._holds = [one for one in counting if one.body.action == "hold"]
         self._proposers: dict[str, set[str]] = {}
         for one in counting:
             if one.body.action == "propose" and one.body.content is not None:
@@ -590,16 +588,9 @@ class _Ledger:
         return self._book.epochs[one.body.rules].person_of(one)
 
     def _is_ended(self, one: Signed) -> bool:
-        """Whether a retirement ends an approval, or a hold of another content that it does not know forbids it."""
+        """Whether a retirement that it does not know ends an approval."""
         before = self._before(one.id)
-        if any(ending.id not in before for ending in self._retired):
-            return True
-        return any(
-            hold.id not in before
-            and one.id not in self._before(hold.id)
-            and hold.body.content != one.body.content
-            for hold in self._holds
-        )
+        return any(ending.id not in before for ending in self._retired)
 
     def _is_enough(self, approvals: Sequence[Signed], content: str) -> bool:
         proposers = self._proposers.get(content, set())
@@ -656,13 +647,12 @@ class _Ledger:
         blobs = [one.body.blob for one in reversed(approvals) if one.body.blob is not None]
         if adopted is not None and adopted.content == content:
             blobs.append(adopted.blob)
-        held = self._held(content, approvals)
         return InForce(
             content=content,
             blobs=tuple(dict.fromkeys(blobs)),
-            status=Status.APPROVED if held is None else Status.HELD,
+            status=Status.APPROVED,
             until=self._start(approvals),
-            reason=held or next((one.body.reason for one in reversed(approvals) if one.body.reason), None),
+            reason=next((one.body.reason for one in reversed(approvals) if one.body.reason), None),
             approvals=tuple(approvals),
             former=former,
             waiting=waiting,
@@ -677,16 +667,6 @@ class _Ledger:
     def _stands(self, content: str, active: Mapping[str, list[Signed]]) -> bool:
         """Whether a content is still approved beside another one: what the foundation took over never is."""
         return self._is_enough(active.get(content, []), content)
-
-    def _held(self, content: str, approvals: Sequence[Signed]) -> str | None:
-        """Why a content is held: by a statement that no sufficient later approval knows."""
-        for hold in reversed(self._holds):
-            later = [one for one in approvals if hold.id in self._before(one.id)]
-            if not self._is_enough(later, content):
-                return hold.body.reason or ""
-        adopted = self._adopted
-        is_held = adopted is not None and adopted.content == content and adopted.status is Status.HELD
-        return "" if is_held and not approvals else None
 
     def _without(self, former: tuple[tuple[str, date | None], ...]) -> InForce:
         if self._retired:

@@ -1,4 +1,4 @@
-"""Statements: small signed files in the tree of a registry that say what is approved, held or retired, and by whom.
+"""Statements: small signed files in the tree of a registry that say what is approved or retired, and by whom.
 
 A statement is a file ``statements/<subject>/<32 hex>``: canonical JSON, then the signature in the form of ssh-keygen.
 The name is the SHA-256 of the JSON. Files are only ever added. They are content, so that they survive a squash, a
@@ -38,7 +38,7 @@ FREE: Final = ("status", "reason", "label", "tags", "notes")
 """Fields of an entry that an approval does not cover: they do not decide which K an image gets."""
 NAME: Final = re.compile("[0-9a-f]{32}")
 
-Action = Literal["found", "rules", "propose", "approve", "hold", "retire", "label"]
+Action = Literal["found", "rules", "propose", "approve", "retire", "label"]
 
 
 class Body(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):

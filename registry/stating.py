@@ -38,7 +38,7 @@ class Act(Struct, frozen=True, kw_only=True):
     """What a person does with an entry.
 
     Attributes:
-        action: propose, approve, hold or retire.
+        action: propose, approve or retire.
         entry: the entry, with the label that it is to have.
         data: content of its file; None if it is not written.
         start: first day of a retirement.

@@ -90,8 +90,7 @@ class Terms(Struct, frozen=True, kw_only=True):
     Attributes:
         reason: why, for the history.
         approve: approve it at once, if the check reports no error.
-        force: accept a K that contradicts what is known of its camera, and replace an entry that a person pinned; needs
-            ``reason``, which stays in the entry.
+        force: accept a K that contradicts what is known of its camera; needs ``reason``, which stays in the entry.
         branch: propose it on this branch, for a pull request; the branch is created if it does not exist.
         valid_from: first day of images for which this K is valid.
         valid_until: last day of images for which this K is valid.

@@ -51,7 +51,6 @@ COMMANDS: dict[str, tuple[int, str]] = {
         "before after 3730.0",
     ),
     f"registry add other.xml {KEY} --approve --yes": (0, "4864x3648"),
-    "registry hold fc6310r/4864x3648 --reason 'agreed upon'": (0, "held"),
     "registry list": (0, "dji/fc6310r/5472x3648 approved"),
     "registry show fc6310r/5472": (0, "intrinsics.fx 3730"),
     "registry show fc6310r/5472 --diff HEAD~3": (0, "intrinsics.fx"),

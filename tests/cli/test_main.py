@@ -117,8 +117,8 @@ def test_the_name_alone_shows_the_commands_by_job(capsys: pytest.CaptureFixture[
         ),
         (["extract", "--quiet", "--verbose"], "calibrary extract: argument --verbose/-v: not allowed with"),
         (
-            ["registry", "hold", "x"],
-            "calibrary registry hold: the following arguments are required: --reason, as in 'calibrary registry hold",
+            ["registry", "retire", "x"],
+            "calibrary registry retire: the following arguments are required: --reason, as in 'calibrary registry",
         ),
         (["registry"], "calibrary registry: the following arguments are required: COMMAND"),
         (

@@ -65,9 +65,9 @@ def test_a_camera_of_a_payload_is_shown_with_its_estimates_and_its_relatives() -
     )
     relatives = (
         RelatedEntry(
-            id="dji/a", own=True, status=Status.HELD, verdict=ChangeVerdict.DRIFT, focal_change=2e-3
+            id="dji/a", own=True, status=Status.APPROVED, verdict=ChangeVerdict.DRIFT, focal_change=2e-3
         ),
-        RelatedEntry(id="dji/b", own=False, status=Status.HELD, reason="turned by 90°"),
+        RelatedEntry(id="dji/b", own=False, status=Status.APPROVED, reason="turned by 90°"),
     )
     board = ImageSolve(images=9, reason="too few views")
     onboard._show_camera(

@@ -118,7 +118,7 @@ REFUSED = {
         "extract survey --registry nowhere",
         "registry init new/fleet",
         "registry approve fc6310r/5472 --digest 000000 --reason x",
-        "registry hold nothing --reason x",
+        "registry retire nothing --reason x",
         "registry list --registry nowhere",
         "registry show fc6310r@nothing",
         "registry log nothing",

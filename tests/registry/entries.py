@@ -59,9 +59,7 @@ def statements_on(registry: Registry, entries: Sequence[Entry]) -> Sequence[Chan
         data = entry_yaml(entry)
         acts.append(Act(action="approve", entry=entry, data=data))
         if entry.status is not Status.APPROVED:
-            acts.append(
-                Act(action="hold" if entry.status is Status.HELD else "retire", entry=entry, data=data)
-            )
+            acts.append(Act(action="retire", entry=entry, data=data))
     snapshot = registry.snapshot() if registry.repo.tip() is not None else None
     return stated(snapshot, acts, None).changes if snapshot is not None and snapshot.is_stated else ()
 

@@ -46,7 +46,7 @@ def test_every_number_of_the_calibration_counts(other: Entry) -> None:
 @pytest.mark.parametrize(
     "other",
     [
-        an_entry(status=Status.HELD, reason="pinned", notes=("seen",)),
+        an_entry(status=Status.RETIRED, reason="sold", notes=("seen",)),
         an_entry(quality=Quality(rms_px=0.3, views=12, kappa2=1.2)),
         an_entry(model="FC6310S", serial="9f2c"),
         an_entry(distortion=BrownConrady(k3=-0.031, p2=-0.0002, p1=0.0007, k2=0.104, k1=-0.262)),
@@ -133,11 +133,11 @@ def test_without_the_digest_git_would_have_joined_them_in_silence(tmp_path: Path
 
 def test_a_change_of_status_and_one_of_notes_merge(tmp_path: Path) -> None:
     checkout = Checkout(tmp_path)
-    checkout.git("checkout", "-q", "-b", "held")
-    checkout.commit(an_entry(status=Status.HELD))
+    checkout.git("checkout", "-q", "-b", "retired")
+    checkout.commit(an_entry(status=Status.RETIRED))
     checkout.git("checkout", "-q", "-b", "noted", "main")
     checkout.commit(an_entry(notes=("seen",)))
-    assert checkout.git("merge", "--quiet", "--no-edit", "held") == 0
+    assert checkout.git("merge", "--quiet", "--no-edit", "retired") == 0
     assert parse_entry(checkout.file.read_bytes(), "entry.yaml") == an_entry(
-        status=Status.HELD, notes=("seen",)
+        status=Status.RETIRED, notes=("seen",)
     )

@@ -185,7 +185,7 @@ def test_a_number_changed_by_hand_is_found_out_and_the_way_out_named(pattern: st
 @pytest.mark.parametrize(
     ("pattern", "replacement"),
     [
-        (r"^status: .*", "status: held"),
+        (r"^status: .*", "status: retired"),
         (r"^  fx: (\S+)", r"  fx: +0\1e0"),
         (r"^(  fx: .*)\n(  fy: .*)", r"\2\n\1"),
         (r"^(grade: .*)", r"\1\nnotes: [looked at again]"),

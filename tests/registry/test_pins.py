@@ -65,7 +65,7 @@ def test_the_blob_is_gits_own_whatever_the_line_ends(tmp_path: Path) -> None:
     [
         ([], "no longer in the registry"),
         ([an_entry(fx=3700.0)], "its numbers have changed"),
-        ([an_entry(status=Status.HELD)], "the same numbers, but"),
+        ([an_entry(status=Status.DRAFT)], "the same numbers, but"),
     ],
 )
 def test_an_entry_that_moved_is_drift(now: list[Entry], message: str) -> None:

@@ -23,7 +23,7 @@ from calibrary.registry.git.writing import ANY, Change, write
 from calibrary.registry.history import history, recorded
 from calibrary.registry.init import init
 from calibrary.registry.paths import find_path, find_paths, proposal_path
-from calibrary.registry.proposals import Note, note_of, propose, propose_status, save, write_changes
+from calibrary.registry.proposals import Note, note_of, propose, propose_approvals, save, write_changes
 from calibrary.registry.registry import Registry, open_snapshot
 from tests.registry.entries import FILE, an_entry, put_entries
 from tests.registry.git.repositories import git, nobodys_git
@@ -224,7 +224,7 @@ def test_who_recorded_a_calibration_stays_whoever_approves_it(registry: Registry
     written = save(registry, propose(registry.snapshot(), [an_entry(status=Status.DRAFT)]))
     git(registry.repo.path, "config", "user.name", "Somebody Else")
     again = Registry.open(registry.repo.path)
-    save(again, propose_status(again, ["fc6310r"], Status.APPROVED, Terms(reason="checked")))
+    save(again, propose_approvals(again.snapshot(), again.snapshot(), ["fc6310r"], Terms(reason="checked")))
     found = recorded(again.repo, again.get("fc6310r"))
     assert found is not None
     assert (found.commit, found.by, found.file) == (written.commit, "Ada Keeper", FILE.source)

@@ -128,19 +128,6 @@ def test_the_registrys_own_policy_decides(
     assert run(capsys, "add", xml(tmp_path / "a.xml"), *CAMERA, "--approve", "--yes")[0] == 1
 
 
-def test_a_held_entry_keeps_its_place(
-    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    add(xml(tmp_path / "a.xml"), "--approve")
-    run(capsys, "hold", P4R, "--reason", "agreed for 2026")
-    code, _, err = run(capsys, "add", xml(tmp_path / "b.xml", 3663.0), *CAMERA, "--approve", "--yes")
-    assert code == 4
-    assert "held (agreed for 2026)" in err
-    assert held(fleet).entry.calibration.intrinsics.fx == 3660.5
-    add(tmp_path / "b.xml", "--force", "--approve", "--reason", "agreed again")
-    assert held(fleet).entry.calibration.intrinsics.fx == 3663.0
-
-
 def test_of_two_writers_the_second_is_told_what_the_first_wrote_and_writes_nothing(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -247,7 +234,6 @@ def test_what_a_person_wrote_into_the_file_of_an_entry_stays_over_every_command(
         ("set", P4R, "+survey", "--yes"),
         ("add", str(xml(tmp_path / "b.xml", 3661.5)), "--make", "DJI", "--model", "FC6310R", "--yes"),
         ("approve", P4R, "--digest", "", "--reason", "new board"),
-        ("hold", P4R, "--reason", "agreed"),
         ("retire", P4R, "--reason", "lens cracked"),
     )
     for words in commands:

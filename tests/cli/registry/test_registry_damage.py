@@ -157,7 +157,6 @@ HISTORY = (("log", P4R), ("log",))
 WRITE = (
     ("add", "lab.xml", "--make", "DJI", "--model", "FC330", "--yes"),
     ("approve", P4R, "--digest", "0" * 12),
-    ("hold", P4R, "--reason", "x"),
     ("retire", P4R, "--reason", "x"),
     ("add", "catalogue", "--yes"),
     ("sync",),

@@ -58,10 +58,10 @@ class TestLock:
         self, fleet: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         put(fleet, ENTRY, an_entry(model="Draft", status=Status.DRAFT))
-        commit = put(fleet, an_entry(model="Held", status=Status.HELD))
+        commit = put(fleet, an_entry(model="Other"))
         document = printed(capsys, "lock-1", "lock")
         written = read_lock(Path("calibrary.lock"))
-        assert [pin.path for pin in written.pins] == sorted([ENTRY.path, an_entry(model="Held").path])
+        assert [pin.path for pin in written.pins] == sorted([ENTRY.path, an_entry(model="Other").path])
         assert (written.commit, written.registry) == (commit, "fleet")
         assert document["commit"] == commit
         assert written.pins[0].blob == git(fleet, "rev-parse", f"HEAD:{written.pins[0].path}")

@@ -1,4 +1,4 @@
-"""``registry approve``, ``hold`` and ``retire``: whether an entry is used, and why."""
+"""``registry approve`` and ``retire``: whether an entry is used, and why."""
 
 from __future__ import annotations
 
@@ -75,11 +75,10 @@ def test_what_is_approved_already_stays_without_a_commit(
     assert commit_of(drafts) == before
 
 
-@pytest.mark.parametrize("verb", ["hold", "retire"])
 @pytest.mark.usefixtures("drafts")
-def test_a_reason_is_wanted(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_reason_is_wanted(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
-        main(["registry", verb, P4R])
+        main(["registry", "retire", P4R])
     assert ended.value.code == 2
     assert "--reason" in capsys.readouterr().err
 
@@ -116,8 +115,6 @@ def test_a_proposal_that_is_not_wanted_is_withdrawn(drafts: Path, capsys: pytest
     assert f"proposals/{P4R}.yaml" not in Registry.open(drafts).snapshot().proposed
     printed = git(drafts, "log", "-1", "--format=%s|%(trailers:key=Reason,valueonly)")
     assert printed == f"Retire {P4R}|blurred frames"
-    code, _, said = run(capsys, "hold", "fc6310r/4864", "--reason", "x")
-    assert (code, "only proposed" in said) == (4, True)
 
 
 class TestAnApprovalIsOfWhatWasLookedAt:

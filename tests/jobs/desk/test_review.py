@@ -112,11 +112,8 @@ def test_a_rejected_proposal_stays_in_the_history(tab: Open, fleet: Path) -> Non
     assert "the board was bent" in git(fleet, "log", "-1", "--format=%B")
 
 
-def test_an_entry_is_held_and_retired_with_a_reason(tab: Open, fleet: Path) -> None:
+def test_an_entry_is_retired_with_a_reason(tab: Open, fleet: Path) -> None:
     one = tab()
-    one.page.goto(f"{one.home}/cameras/{CAMERA}.html")
-    assert "done. " in decide(one, "Hold", "Why hold", "agreed with the surveyor")
-    assert calibrary.open_registry(fleet).show(CAMERA).status is Status.HELD
     one.page.goto(f"{one.home}/cameras/{CAMERA}.html")
     assert "done. " in decide(one, "Retire", "Why retire", "crashed")
     assert calibrary.open_registry(fleet).show(CAMERA).status is Status.RETIRED
@@ -125,12 +122,11 @@ def test_an_entry_is_held_and_retired_with_a_reason(tab: Open, fleet: Path) -> N
 def test_an_entry_that_changed_since_is_not_retired(tab: Open, fleet: Path) -> None:
     one = tab()
     one.page.goto(f"{one.home}/cameras/{CAMERA}.html")
-    calibrary.open_registry(fleet).propose_hold([CAMERA], "agreed meanwhile").write()
+    calibrary.open_registry(fleet).propose_edit([CAMERA], ["+spare"]).write()
     assert "nothing was written: what is there now has the digest" in decide(
         one, "Retire", "Why retire", "crashed"
     )
-    assert calibrary.open_registry(fleet).show(CAMERA).status is Status.HELD
-    assert "held" in one.page.locator("h1").inner_text()
+    assert calibrary.open_registry(fleet).show(CAMERA).status is Status.APPROVED
 
 
 def test_commits_are_exchanged_by_a_button_and_told_in_words(tab: Open, fleet: Path, tmp_path: Path) -> None:

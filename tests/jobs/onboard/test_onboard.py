@@ -133,17 +133,6 @@ def test_approving_from_the_branch_puts_it_to_use(
     assert (code, commit_of(fleet), "is there already" in out) == (0, before, True)
 
 
-def test_what_somebody_pinned_is_not_replaced_from_a_branch(
-    fleet: Path, payload: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    onboard(capsys, payload, *UNIT, "--yes")
-    [entry] = drafted(fleet)
-    run(capsys, "approve", *looked_at(fleet, entry.id, rev=BRANCH), "--from", BRANCH)
-    run(capsys, "hold", entry.id, "--reason", "under test")
-    code, _, err = run(capsys, "approve", entry.id, "--from", BRANCH)
-    assert (code, "is held" in err) == (4, True)
-
-
 def test_a_digest_of_less_than_eight_digits_or_of_other_files_writes_nothing(
     fleet: Path, payload: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

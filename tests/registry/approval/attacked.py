@@ -281,9 +281,8 @@ def _show(fleet: Path, flight: Path, _: Path) -> dict[str, Answer]:
 
 def _list(fleet: Path, _: Path, __: Path) -> dict[str, Answer]:
     listed = Fleet(fleet).listing()
-    used = {"approved", "held"}
     found: dict[str, Answer] = {
-        str(row["camera.model"]): float(str(row["intrinsics.fx"])) if row["status"] in used else None
+        str(row["camera.model"]): float(str(row["intrinsics.fx"])) if row["status"] == "approved" else None
         for row in listed.chosen.rows
     }
     return found | {str(error).split("/")[2].upper(): REFUSED for error in listed.unreadable}
@@ -312,11 +311,7 @@ def _lock(fleet: Path, flight: Path, out: Path) -> dict[str, Answer]:
 def _publish(fleet: Path, _: Path, out: Path) -> dict[str, Answer]:
     Fleet(fleet).publish(out / "public", workers=1)
     entries = [json.loads(file.read_text()) for file in (out / "public/entries").rglob("*.json")]
-    return {
-        one["camera"]["model"]: one["intrinsics"]["fx"]
-        for one in entries
-        if one["status"] in {"approved", "held"}
-    }
+    return {one["camera"]["model"]: one["intrinsics"]["fx"] for one in entries if one["status"] == "approved"}
 
 
 def _site(fleet: Path, _: Path, out: Path) -> dict[str, Answer]:
@@ -325,7 +320,7 @@ def _site(fleet: Path, _: Path, out: Path) -> dict[str, Answer]:
         card.model or card.path.split("/")[2].upper(): REFUSED
         if card.problem is not None
         else card.fx
-        if card.status in {Status.APPROVED, Status.HELD}
+        if card.status is Status.APPROVED
         else None
         for card in cards
     }

@@ -46,7 +46,7 @@ OLD = "old"
 """The K that was approved before the attack."""
 NEW = "new"
 """The K of the newer revision that was approved before the attack."""
-OWN = ("approved", "retired", "renewed", "held", "proposed")
+OWN = ("approved", "retired", "renewed", "proposed")
 
 
 def copy_in(desk: Desk, entry: Entry) -> None:
@@ -149,18 +149,14 @@ def under(**more: str) -> Attack:
     return attack
 
 
-def in_parallel(action: str) -> Attack:
-    """A newer K, approved by two who did not know that it was retired or held."""
-
-    def attack(desk: Desk, entry: Entry) -> None:
-        new = with_fx(entry)
-        known = tuple(file.name for file in desk.statements(entry, "approve"))
-        assert desk.statements(entry, action)
-        desk.put(new)
-        for person in ("ada", "bob"):
-            desk.forge(desk.body(new, person=person, after=known), person)
-
-    return attack
+def in_parallel(desk: Desk, entry: Entry) -> None:
+    """A newer K, approved by two who did not know that it was retired."""
+    new = with_fx(entry)
+    known = tuple(file.name for file in desk.statements(entry, "approve"))
+    assert desk.statements(entry, "retire")
+    desk.put(new)
+    for person in ("ada", "bob"):
+        desk.forge(desk.body(new, person=person, after=known), person)
 
 
 def written(name: str, data: bytes) -> Attack:
@@ -223,8 +219,7 @@ CASES: dict[str, tuple[str, Attack, str | None]] = {
     "what was retired is brought back by hand": ("retired", restore, None),
     "what was retired is brought back with a newer K": ("retired", copy_in, None),
     "the retirement is approved away by one": ("retired", roll_back_with_one_approval, None),
-    "retired while two approved something newer": ("retired", in_parallel("retire"), None),
-    "held while two approved something newer": ("held", in_parallel("hold"), OLD),
+    "retired while two approved something newer": ("retired", in_parallel, None),
     "one of two approvals is removed": ("approved", remove("approve", 1), None),
     "both approvals are removed": ("approved", remove("approve", 0, 1), None),
     "the approvals of another camera are copied": ("", from_another, None),
@@ -291,7 +286,6 @@ def prepared(desk: Desk, stories: list[tuple[str, Entry]]) -> None:
     desk.states("ada", *(("approve", entry) for entry in every.get("proposed", ())), files=False)
     for who in ("ada", "bob"):
         desk.states(who, *(("approve", with_fx(entry, 7.0)) for entry in every.get("renewed", ())))
-    desk.states("cy", *(("hold", replace(entry, status=Status.HELD)) for entry in every.get("held", ())))
     desk.states(
         "cy", *(("retire", replace(entry, status=Status.RETIRED)) for entry in every.get("retired", ()))
     )
@@ -595,8 +589,7 @@ class TestRules:
         desk = copied(small, tmp_path / "fleet")
         former = Registry.open(desk.fleet).snapshot().book.rulebook.current
         desk.asks("approvals: {count: 1}\n", "ada", "bob", people=("ada", "bob"))
-        for action in ("retire", "hold"):
-            desk.forge(desk.body(camera(1), action, person="cy", rules=former), "cy")
+        desk.forge(desk.body(camera(1), "retire", person="cy", rules=former), "cy")
         desk.commit()
         assert fx_of(desk) == 3001.0
         assert any("by a key of nobody in those in force" in why for why in told_of(desk, camera(1)))

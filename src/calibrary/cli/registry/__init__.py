@@ -35,7 +35,6 @@ LISTED = (
     ("audit", "is what flew right? compare the registry with images of flights"),
     ("status", "what waits, and for whom?"),
     ("approve", "approve proposals"),
-    ("hold", "use entries and pin them"),
     ("retire", "stop using entries"),
     ("set", "set labels, tags, notes or days of entries, by a table too"),
     ("log", "list the revisions of an entry or of all"),

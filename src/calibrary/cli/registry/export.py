@@ -24,7 +24,7 @@ examples:
   calibrary registry export --to opencv_storage --out opencv/ --at 2026-05-01       a file for each entry
 
 FORMAT is csv, yaml (the entries' files as one stream), odm, opensfm, colmap or any format that 'calibrary formats'
-lists as written. Without --status only approved and held entries are written.
+lists as written. Without --status only approved entries are written.
 """
 
 

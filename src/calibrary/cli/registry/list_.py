@@ -115,7 +115,7 @@ COLUMNS = (
     Column(name="cx px", rank=7, right=True),
     Column(name="cy px", rank=7, right=True),
 )
-STYLES = {"approved": "green", "held": "cyan", "draft": "yellow", "retired": "dim"}
+STYLES = {"approved": "green", "draft": "yellow", "retired": "dim"}
 
 
 def _show(screen: Screen, remarks: Screen, found: EntryListing) -> None:

@@ -12,7 +12,7 @@ from calibrary.jobs.fleet import Fleet
 DESCRIPTION = "Pin entries as they are now, so that a run can be repeated on the same ones."
 EXAMPLES = """\
 examples:
-  calibrary registry lock                                every approved and held entry
+  calibrary registry lock                                every approved entry
   calibrary registry lock flight/                        the entries that apply to a flight's images
   calibrary registry lock dji/fc6310r sony/dsc-rx1rm2
   calibrary extract --image-dir flight/ --registry fleet --locked       later, with these only

@@ -21,7 +21,7 @@ examples:
   calibrary registry publish --registry fleet/ /srv/www/cameras --sign ~/.ssh/id_ed25519
   calibrary registry publish public/ --site             pages for people in the same folder, with links to the JSON
 
-Approved, held and retired entries are published, with the revisions that earlier days need; drafts are not. Only
+Approved and retired entries are published, with the revisions that earlier days need; drafts are not. Only
 changes are written. Readers refuse what is older than what they read before, and what was not published again in
 time. docs/publishing.md explains how to serve and read the files.
 """

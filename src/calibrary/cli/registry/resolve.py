@@ -26,7 +26,7 @@ examples:
   calibrary registry resolve flight/DJI_0001.JPG --at 2026-05-01 --on 2026-05-01
   calibrary registry resolve flight/DJI_0001.JPG --registry fleet/ --registry https://cameras.example.com/
 
-Only approved and held entries answer. The most specific one is used: of this unit, this firmware, this lens or focal
+Only approved entries answer. The most specific one is used: of this unit, this firmware, this lens or focal
 length, this sub-camera, this model. At another image size than its own, its K is of the image only as far as something
 tells how the image came from its frame: scaled, or a part of it. Of several registries the first that answers is used;
 the catalogue comes last. exit code 1: the image contradicts its K, or nothing tells how it came from the frame; every K

@@ -453,7 +453,7 @@ def age_finding(entry: Entry, today: date, rule: Repeat, *, has_flown: bool) -> 
     Age counts from the date that its source states, not from the day on which it was added.
 
     Args:
-        entry: an approved or held entry.
+        entry: an approved entry.
         today: the date that counts as today.
         rule: when it is to be made again.
         has_flown: whether the flights contain images of its camera; if not, a stale calibration is only a note.

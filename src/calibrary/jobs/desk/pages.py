@@ -34,7 +34,7 @@ from calibrary.errors import (
 from calibrary.jobs.desk import boards, comparing, flights, onboarding
 from calibrary.jobs.desk.flights import Drop
 from calibrary.jobs.desk.guard import Keys
-from calibrary.jobs.desk.review import decided, decision, decision_forms, proposal, queue
+from calibrary.jobs.desk.review import decided, decision, proposal, queue, retirement_form
 from calibrary.jobs.desk.running import REPORT, SAME, desk_page, running
 from calibrary.jobs.desk.work import PATIENCE_S, Job, Jobs
 from calibrary.jobs.extract.hand_off import colmap_flags
@@ -560,7 +560,7 @@ class Pages:
 
     def _decide(self, asked: Asked) -> Response:
         fleet, what, key, branch = self._fleet, *(asked.text(name) for name in ("what", "key", "branch"))
-        place = _place(fleet.snapshot.get(key).path).page if what in {"hold", "retire"} else None
+        place = _place(fleet.snapshot.get(key).path).page if what == "retire" else None
         shown = key if not branch else f"{key}@{branch}"
         back = f"/{place}?" if place else f"/review/one?{urlencode({'key': shown})}&"
         command = decision(
@@ -612,7 +612,7 @@ class Pages:
                 self._command("registry", "show", id_),
             ),
         )
-        decide = Section(title="Decide", blocks=tuple(decision_forms(id_, stored.base or "")))
+        decide = Section(title="Decide", blocks=(retirement_form(id_, stored.base or ""),))
         first, *others = page.sections
         usable = (decide,) if stored.entry.is_usable else ()
         return replace(page, sections=(*self._after(asked), first, use, *usable, *others))

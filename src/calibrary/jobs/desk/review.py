@@ -175,7 +175,6 @@ def _approval_forms(one: Proposal, name: str, branch: str, proposals: Proposals)
     force = Field(
         name="force", type="checkbox", value="yes", label="Use it although it contradicts what is known"
     )
-    is_held = one.current is not None and one.current.status.value == "held"
     yield Form(
         to="/decide",
         button="Approve",
@@ -187,7 +186,7 @@ def _approval_forms(one: Proposal, name: str, branch: str, proposals: Proposals)
                 label="Why, for the history",
                 required=any(each.rule == MATERIAL for each in proposals.findings),
             ),
-            *((force,) if proposals.errors or is_held else ()),
+            *((force,) if proposals.errors else ()),
         ),
     )
     if branch:
@@ -221,24 +220,19 @@ def _proposed(one: Proposal) -> Iterator[Block]:
         yield Details(summary=count(len(rows), "changed field"), blocks=(table,))
 
 
-def decision_forms(key: str, digest: str) -> Iterator[Block]:
-    """The decisions on an entry in use, whose file has this id."""
-    hidden = (
-        Field(name="key", type="hidden", value=key),
-        Field(name="digest", type="hidden", value=digest),
+def retirement_form(key: str, digest: str) -> Form:
+    """The form that retires an entry in use, whose file has this id."""
+    return Form(
+        to="/decide",
+        button="Retire",
+        fields=(
+            Field(name="key", type="hidden", value=key),
+            Field(name="digest", type="hidden", value=digest),
+            Field(name="what", type="hidden", value="retire"),
+            Field(name="reason", label="Why retire it", required=True),
+            Field(name="start", type="date", label="Only for images from this day on"),
+        ),
     )
-    for what, button, label in (("hold", "Hold", "Why hold it"), ("retire", "Retire", "Why retire it")):
-        start = Field(name="start", type="date", label="Only for images from this day on")
-        yield Form(
-            to="/decide",
-            button=button,
-            fields=(
-                *hidden,
-                Field(name="what", type="hidden", value=what),
-                Field(name="reason", label=label, required=True),
-                *((start,) if what == "retire" else ()),
-            ),
-        )
 
 
 def decision(
@@ -254,7 +248,7 @@ def decision(
     """Return the command that makes a decision.
 
     Args:
-        what: approve, reject, hold or retire.
+        what: approve, reject or retire.
         key: of the entry; of a proposal to reject, that of the proposal.
         digest: id in git of the content that was looked at; the command writes nothing if it is another one by then.
         branch: with the proposal to approve; empty for the present one.
@@ -277,10 +271,10 @@ def decision(
             *said,
             *(["--force"] if force else []),
         ]
-    if what not in {"reject", "hold", "retire"}:
+    if what not in {"reject", "retire"}:
         raise UsageError(f"there is no decision {what!r:.20}")
     since = ["--from", start.isoformat()] if start is not None else []
-    return ["registry", "hold" if what == "hold" else "retire", key, *said, *since]
+    return ["registry", "retire", key, *said, *since]
 
 
 def decided(job: Job) -> Section:

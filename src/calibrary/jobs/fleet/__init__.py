@@ -258,7 +258,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         self,
         words: Sequence[str] = (),
         *,
-        statuses: Sequence[Literal["draft", "approved", "held", "retired"]] = (),
+        statuses: Sequence[Literal["draft", "approved", "retired"]] = (),
         grades: Sequence[Literal["calibrated", "adjusted", "design", "derived"]] = (),
         where: Sequence[Conditions] = (),
         sort: Fields | None = None,
@@ -507,7 +507,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         out: Annotated[str | Path, Meta(title="FILE|DIR")],
         *,
         to: FormatName | None = None,
-        statuses: Sequence[Literal["draft", "approved", "held", "retired"]] = ("approved", "held"),
+        statuses: Sequence[Literal["draft", "approved", "retired"]] = ("approved",),
         max_error_px: Annotated[float, Meta(ge=0)] | None = None,
         drop_distortion: bool = False,
     ) -> ExportReport:
@@ -517,7 +517,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
             out: file to write; a folder if each entry gets its own file.
             to: csv, yaml (the entries' files as one stream), or any format or program that calibrary formats lists as
                 written (default: by the name of the file).
-            statuses: only entries of this status; may be given several times (default: approved and held).
+            statuses: only entries of this status; may be given several times (default: approved).
             max_error_px: largest difference in px that may remain anywhere in the image (default: 0.05).
             drop_distortion: write K alone if the format has no place for a distortion, and an unknown distortion as
                 none if the format always states one.
@@ -597,7 +597,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
                 pins.append(single_match(snapshot.in_use(str(one)), snapshot.paths, str(one)))
         if not pins:
             raise RegistryError(
-                "no entry to pin: none is approved or held; 'calibrary registry approve KEY' puts one to use"
+                "no entry to pin: none is approved; 'calibrary registry approve KEY' puts one to use"
             )
         lock = replace(pinned(snapshot, pins), unanswered=tuple(unanswered))
         write_files({Path(out): lock_yaml(lock)})
@@ -725,7 +725,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         Raises:
             InputError: the file cannot be read, the camera is unknown, or its K is only an estimate. A file of a folder
                 that cannot be added is one of the result's sources.
-            RegistryError: the current entry is held and the terms do not say ``force``, or the folder cannot be read.
+            RegistryError: the folder cannot be read.
             UsageError: the catalogue does not take what is stated.
 
         >>> camera = calibrary.CameraKey(make="DJI", model="FC6310R")
@@ -759,9 +759,6 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         Args:
             entries: one or several.
             terms: on what terms the registry changes; an entry keeps its own days.
-
-        Raises:
-            RegistryError: a current entry is held and the terms do not say ``force``.
         """
         from calibrary.jobs.fleet.changes import ProposedChange
         from calibrary.registry.entry import Entry
@@ -793,14 +790,14 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
             UsageError: there is neither a KEY nor a branch.
         """
         from calibrary.jobs.fleet.changes import ProposedChange
-        from calibrary.registry.entry import Status
-        from calibrary.registry.proposals import propose_status, require_digests
+        from calibrary.registry.proposals import propose_approvals, require_digests
 
         terms = terms or Terms()
         if not keys:
             keys = self._proposed_on(source)
         names, seen = self._looked_at(keys)
-        proposals = propose_status(self.registry, names, Status.APPROVED, terms, source=source)
+        registry = self.registry
+        proposals = propose_approvals(registry.snapshot(), registry.snapshot(source), names, terms)
         if digests or seen:
             require_digests(proposals, (*digests, *seen))
         return ProposedChange(self.registry, proposals, terms)
@@ -830,21 +827,6 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
 
         return approve_rules(self.registry, digest, reason)
 
-    def propose_hold(
-        self, keys: Sequence[Key], reason: Text, *, digests: Sequence[Digest] = ()
-    ) -> ProposedChange:
-        """Use entries and pin them: nothing replaces them without --force.
-
-        Args:
-            keys: make/model[/variant], as short as it is unambiguous.
-            reason: why; kept in the entry and its history.
-            digests: only if the entry's file has the digest that begins so; give it once for each KEY.
-
-        Raises:
-            RegistryError: an entry does not exist, is only proposed, or differs from the one that was looked at.
-        """
-        return self._with_status(keys, "held", reason, digests)
-
     def propose_retirement(
         self,
         keys: Sequence[Key],
@@ -867,28 +849,15 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
             RegistryError: an entry does not exist, differs from the one that was looked at, or the other one supersedes
                 another already.
         """
-        return self._with_status(keys, "retired", reason, digests, superseded_by, start)
-
-    def _with_status(
-        self,
-        keys: Sequence[str],
-        status: str,
-        reason: str,
-        digests: Sequence[str],
-        successor: str | None = None,
-        start: date | None = None,
-    ) -> ProposedChange:
         from calibrary.jobs.fleet.changes import ProposedChange
-        from calibrary.registry.entry import Status
-        from calibrary.registry.proposals import propose_status, require_digests
+        from calibrary.registry.proposals import propose_retirements, require_digests
 
-        terms = Terms(reason=reason)
-        proposals = propose_status(
-            self.registry, keys, Status(status), terms, successor=successor, start=start
+        proposals = propose_retirements(
+            self.registry.snapshot(), keys, reason, successor=superseded_by, start=start
         )
         if digests:
             require_digests(proposals, digests)
-        return ProposedChange(self.registry, proposals, terms)
+        return ProposedChange(self.registry, proposals, Terms(reason=reason))
 
     def propose_edit(
         self,

@@ -86,7 +86,6 @@ def add_file(registry: Registry, path: Path, said: Said) -> Proposals:
 
     Raises:
         InputError: the file cannot be read, its camera is unknown, or K was not measured or is implausible.
-        RegistryError: the current entry is held, and the terms do not say ``force``.
     """
     if not path.exists():
         raise InputError("no such file", source=str(path))

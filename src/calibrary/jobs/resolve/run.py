@@ -49,7 +49,7 @@ class UsedEntry(Record):
         id: its longest KEY.
         path: of its file.
         label: label of the unit.
-        status: approved or held.
+        status: approved.
         reason: why it has this status.
         tolerance: largest allowed difference of a K of this camera from this one, as a fraction of fx.
         image_size: (width, height) px of the entry itself.
@@ -169,7 +169,7 @@ class FleetAnswer(Record, tag_field="schema", tag="calibrary/resolution-1"):
 
     @property
     def status(self) -> Status | None:
-        """Status of the entry: approved or held."""
+        """Status of the entry: approved."""
         return self.entry.status if self.entry is not None else None
 
     def _repr_html_(self) -> str:

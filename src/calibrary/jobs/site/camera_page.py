@@ -69,7 +69,6 @@ ALTITUDE_M: Final = 100.0
 BEYOND: Final = "Their numbers are too far from any camera's to be computed with."
 STATUSES: Final = {
     Status.APPROVED: Tone.GOOD,
-    Status.HELD: Tone.GOOD,
     Status.DRAFT: Tone.CAUTION,
     Status.RETIRED: Tone.NEUTRAL,
 }
@@ -479,7 +478,6 @@ def _use(entry: Entry, id_: str, place: Place, *, is_proposed: bool) -> Iterator
     stated += [f"{entry.validity}"] if entry.validity is not None else []
     said = {
         Status.APPROVED: f"Use this K for images {', '.join(stated)}.",
-        Status.HELD: f"Use this K for images {', '.join(stated)}. It is held: nothing replaces it automatically.",
         Status.DRAFT: "Do not use this K yet: a draft, not approved.",
         Status.RETIRED: f"Do not use this K any more: retired. Ask which K is used for images {', '.join(stated)}.",
     }
