@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import inspect
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from calibrary import parsers
 from calibrary.distortion import MODELS
-from calibrary.distortion.described import document, marked_down
-from calibrary.parsers.discovery import PROGRAMS, ListedFormat, format_named, listing
+from calibrary.distortion.described import document
+from calibrary.parsers.discovery import PROGRAMS, listing
 
 if TYPE_CHECKING:
     from docs.make_lenses import caption
@@ -25,6 +23,7 @@ FORMATS_HEAD: Final = """\
 
 `make docs` generates this page from the formats' own records. [distortion.md](distortion.md) explains the coefficients.
 calibrary recognises a file by its content. If it cannot decide, `--format NAME` names the format.
+`calibrary formats NAME` explains one: an example in its own words, how it counts, and the source of that.
 
 Wherever a format is asked for, the name of a program stands for the format that it reads, as in `--to metashape`. If
 it reads several, the suffix of the file chooses among them.
@@ -57,7 +56,7 @@ UNREAD: Final = (
         "`begin gridgroup … begin gridpoints` and two places in mm for each point; it has no K",
         "one beside the `.ssk` that it belongs to, with a statement which of the two places is measured",
     ),
-    ("Z/I camera `.ssk`", "it is read: [`zi_ssk`](#zi_ssk)", "one with its lens distortion switched on"),
+    ("Z/I camera `.ssk`", "it is read: `zi_ssk`", "one with its lens distortion switched on"),
     (
         "3DM CalibCam (ADAM Technology)",
         "coefficients in mm, as Australis has them; Metashape exports it as `.txt`",
@@ -77,16 +76,17 @@ def documents() -> dict[str, str]:
     understood = [one for one in listed if one.refuses is None]
     refused = [one for one in listed if one.refuses is not None]
     programs = "\n".join(
-        f"| `{program}` | {', '.join(f'[`{name}`](#{name})' for name in names)} |"
-        for program, names in PROGRAMS.items()
+        f"| `{program}` | {', '.join(f'`{name}`' for name in names)} |" for program, names in PROGRAMS.items()
     )
-    rows = [f"| [`{r.name}`](#{r.name}) | {r.title} | {r.access} |" for r in understood]
-    table = "\n".join(["| name | content | read, write |", "| --- | --- | --- |", *rows])
+    rows = [
+        f"| `{r.name}` | [{r.title}]({r.reference}) | {r.access} | {' '.join(r.suffixes)} |"
+        for r in understood
+    ]
+    table = "\n".join(["| name | content | read, write | usual names |", "| --- | --- | --- | --- |", *rows])
     reasons = "\n".join(f"| `{r.name}` | {r.title} | {r.refuses} |" for r in refused)
     unread = "\n".join(f"| {name} | {known} | {sample} |" for name, known, sample in UNREAD)
-    described = "\n".join(_format(record) for record in understood)
     formats = (
-        f"{FORMATS_HEAD}| program | format |\n| --- | --- |\n{programs}\n\n{table}\n\n{described}\n"
+        f"{FORMATS_HEAD}| program | format |\n| --- | --- |\n{programs}\n\n{table}\n\n"
         "## Recognised and refused\n\n"
         f"| name | content | reason, and what to do |\n| --- | --- | --- |\n{reasons}\n\n{UNREAD_HEAD}{unread}\n"
     )
@@ -103,15 +103,6 @@ def _with_pictures(text: str) -> str:
     for name in MODELS:
         text = text.replace(f"## {name}\n\n", f"## {name}\n\n![{caption(name)}](lenses/{name}.svg)\n\n")
     return text
-
-
-def _format(one: ListedFormat) -> str:
-    """A format's section: how it counts, what its module says of it, and where that is known from."""
-    record = format_named(one.name)
-    words = record.words or getattr(sys.modules.get(getattr(record.sniff, "__module__", "")), "__doc__", None)
-    said = marked_down(inspect.cleandoc(words or ""))
-    facts = "".join(f"* {fact}\n" for fact in (*one.facts, f"reference: <{one.reference}>"))
-    return f"## {one.name}\n\n{one.title}: {one.access}.\n\n{facts}\n{said}\n"
 
 
 if __name__ == "__main__":

@@ -5,6 +5,9 @@ Formats are imported only when needed, so that ``import calibrary.parsers`` stay
 
 from __future__ import annotations
 
+import inspect
+import re
+import sys
 import warnings
 from collections.abc import Iterable, Mapping
 from functools import cache
@@ -237,6 +240,15 @@ class ListedFormat(Record):
             for name, values in self.options.items()
         )
         return (*(self.convention or ()), *size, *origin, *options)
+
+    @property
+    def words(self) -> str:
+        """What its module says of it, for a terminal: an example in the format's own words, and the source."""
+        record = format_named(self.name)
+        module = sys.modules.get(getattr(record.sniff, "__module__", ""))
+        said = inspect.cleandoc(record.words or getattr(module, "__doc__", None) or "")
+        plain = re.sub(r":\w+:`~?(?:[\w.]*\.)?(\w+)`", r"\1", said)
+        return re.sub(r"(?m)::$", ":", plain.replace("``", ""))
 
 
 class FormatListing(Record, tag_field="schema", tag="calibrary/formats-1"):

@@ -17,7 +17,6 @@ OF_EVERY_COMMAND = {"help", "json", "table", "image_table", "quiet", "verbose", 
 """What is printed and asked, and whether to write at all; no job has such a parameter."""
 OF_ONE = {
     "calibrary extract": {"explain", "image_dir", "list_file"},
-    "calibrary formats": {"markdown"},
     "calibrary calibrate": {"correlations"},
     "calibrary calibrate flight": {"correlations"},
     "calibrary registry export": {"public"},

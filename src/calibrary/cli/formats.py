@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from typing import TYPE_CHECKING
 
 from calibrary.cli.commands import add_json_flag, meant, print_json
@@ -22,7 +21,7 @@ EXAMPLES = """\
 examples:
   calibrary formats              the table
   calibrary formats colmap       formats with a word in name or title, with their conventions
-  calibrary formats --markdown   the table as documentation
+  calibrary formats agisoft_xml  one format: an example in its own words, how it counts, its source
 """
 
 EXIT_NONE = 1
@@ -32,7 +31,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     add_flags(parser, formats, positional={"name": "NAME"})
     add_json_flag(parser)
-    parser.add_argument("--markdown", action="store_true", help="print the table as Markdown")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -47,15 +45,8 @@ def run(arguments: argparse.Namespace) -> int:
         return EXIT_NONE
     if arguments.json:
         print_json(found)
-    elif arguments.markdown:
-        rows = [
-            f"| `{one.name}` | {one.title} | {one.access} | {one.refuses or '; '.join(one.facts)} |\n"
-            for one in found.formats
-        ]
-        head = "| name | what it is | read, write | how it counts |\n| --- | --- | --- | --- |\n"
-        sys.stdout.write(head + "".join(rows))
     else:
-        _show(out(arguments), found.formats, details=bool(arguments.name))
+        _show(out(arguments), found.formats, name=arguments.name)
     return 0
 
 
@@ -67,13 +58,13 @@ COLUMNS = (
 )
 
 
-def _show(screen: Screen, found: Sequence[ListedFormat], *, details: bool) -> None:
+def _show(screen: Screen, found: Sequence[ListedFormat], *, name: str) -> None:
     from calibrary.cli.console import plain
 
     rows = [(one.name, plain(one.title), one.access, plain(" ".join(one.suffixes))) for one in found]
     screen.show(fitted(COLUMNS, rows, screen.width))
     screen.say(f"{len(found)} formats" if len(found) > 1 else "1 format")
-    if not details:
+    if not name:
         programs = sorted({program for one in found for program in one.programs})
         screen.say(
             f"A program stands for the format that it reads, as in --to metashape: {', '.join(programs)}"
@@ -87,3 +78,7 @@ def _show(screen: Screen, found: Sequence[ListedFormat], *, details: bool) -> No
             screen.say(f"  --to {' or --to '.join(one.programs)} stands for it")
         for fact in (one.refuses,) if one.refuses else one.facts:
             screen.say(f"  {plain(fact.replace('`', ''))}")
+        if one.refuses is None and (one.name == name or len(found) == 1):
+            screen.say("")
+            for line in one.words.splitlines():
+                screen.say(plain(line))
