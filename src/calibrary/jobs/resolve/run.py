@@ -233,7 +233,7 @@ def resolved(
         if weighed is not None and found is not None
         else None,
         why=found.why if found is not None else None,
-        disagreements=(*weighed.disbelieved, *found.disagreements)
+        disagreements=(*(one.message for one in weighed.disbelieved), *found.disagreements)
         if found is not None and weighed is not None
         else (),
         near=near,
@@ -285,7 +285,7 @@ def _weighed(
     known = _alone.get(at) if metadata is None else None
     if known is not None and known[0] is found.entry and known[1] is policy:
         return known[2]
-    from calibrary.jobs.survey import Survey, of_catalogue, of_entry, of_tags  # noqa: PLC0415  for those that answer
+    from calibrary.jobs.survey import Survey, of_entry, of_images  # noqa: PLC0415  for those that answer
 
     entry = of_entry(found, policy, rests_on="catalogue" if layer.kind is LayerKind.CATALOGUE else None)
     if metadata is None:
@@ -300,8 +300,8 @@ def _weighed(
 
     camera = found.calibration.camera
     state, evidence = state_of_image(metadata, policy)
-    tags, known_camera = of_tags(evidence, camera, policy), of_catalogue(evidence, camera, policy)
-    return Survey(metadata, [entry, *tags, *known_camera], policy, original=state.original).weigh(entry)
+    claims = [entry, *of_images(evidence, camera, policy)]
+    return Survey(metadata, claims, policy, original=state.original).weigh(entry)
 
 
 def _of_camera(calibration: Calibration | None, found: Resolution) -> Calibration | None:

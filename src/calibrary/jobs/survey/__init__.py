@@ -10,7 +10,7 @@ Commands select from the answer; nobody gets a K without its use.
 
 from __future__ import annotations
 
-from calibrary.jobs.survey.claims import Claim, Who, of_catalogue, of_entry, of_tags
-from calibrary.jobs.survey.survey import Survey, Weighed
+from calibrary.jobs.survey.claims import Claim, Who, of_entry, of_file, of_images
+from calibrary.jobs.survey.survey import Against, Survey, Weighed
 
-__all__ = ["Claim", "Survey", "Weighed", "Who", "of_catalogue", "of_entry", "of_tags"]
+__all__ = ["Against", "Claim", "Survey", "Weighed", "Who", "of_entry", "of_file", "of_images"]

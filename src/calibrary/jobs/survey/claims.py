@@ -43,6 +43,7 @@ class Who(StrEnum):
     TAG = "tag"
     CATALOGUE = "catalogue"
     ENTRY = "entry"
+    FILE = "file"
 
 
 class Claim(Struct, frozen=True, kw_only=True):
@@ -77,6 +78,11 @@ class Claim(Struct, frozen=True, kw_only=True):
     is_measured: bool = False
     rests_on: frozenset[str] = frozenset()
     voice: str = ""
+
+
+def of_images(evidence: Evidence, camera: CameraKey, policy: Policy) -> tuple[Claim, ...]:
+    """What is known of an image without a file and without a registry."""
+    return (*of_tags(evidence, camera, policy), *of_catalogue(evidence, camera, policy))
 
 
 def of_tags(evidence: Evidence, camera: CameraKey, policy: Policy) -> Iterator[Claim]:
@@ -148,6 +154,20 @@ def of_entry(found: Resolution, policy: Policy, *, rests_on: str | None = None) 
         is_measured=is_measured,
         rests_on=frozenset({rests_on or found.path}),
         voice=found.path,
+    )
+
+
+def of_file(name: str, calibration: Calibration, policy: Policy) -> Claim:
+    """A calibration file, at the size at which it states its K."""
+    is_measured = calibration.grade in MEASURED
+    return Claim(
+        who=Who.FILE,
+        name=name,
+        calibration=calibration,
+        tolerance=0.0 if is_measured else policy.source_agreement,
+        is_measured=is_measured,
+        rests_on=frozenset({name}),
+        voice=name,
     )
 
 

@@ -69,6 +69,15 @@ def limit_between(one: Claim, other: Claim) -> float:
     return max(math.hypot(one.tolerance, other.tolerance), one.rounding, other.rounding)
 
 
+def gap(one: Placed, K: Placed) -> float:
+    """Largest relative difference of the focal lengths, and where both measured it of the centre over the width."""
+    a, b = one.calibration.intrinsics, K.calibration.intrinsics
+    apart = [a.fx / b.fx - 1.0, a.fy / b.fy - 1.0]
+    if one.claim.is_measured and K.claim.is_measured:
+        apart += [(a.cx - b.cx) / b.image_size[0], (a.cy - b.cy) / b.image_size[0]]
+    return max(apart, key=abs)
+
+
 def _differ(one: Placed, K: Placed, policy: Policy) -> bool:
     if not (one.claim.is_measured and K.claim.is_measured):
         return _apart(one, K) > limit_between(one.claim, K.claim)

@@ -29,26 +29,63 @@ OF_K_ALONE: Final = frozenset(
 """Rules that ask of nothing but K."""
 
 
+class Against(Struct, frozen=True, kw_only=True):
+    """A claim that contradicts another.
+
+    Attributes:
+        one: it.
+        message: how the two differ, and of one that is not believed why.
+        limit: how far their focal lengths may be apart, as a fraction.
+        shown_by: the names of the two claims that show it wrong; empty if it is believed.
+    """
+
+    one: Placed
+    message: str
+    limit: float
+    shown_by: tuple[str, ...] = ()
+
+
 class Weighed(Struct, frozen=True, kw_only=True):
     """A claim among the others.
 
     Attributes:
         claim: which.
         ways: its K at the size of the images, by each reading that may stand; empty if no reading brings it there.
-        verdict: whether the first of them may be used.
+        settled: how the first of them came to stand.
+        verdict: whether it may be used.
         use: what a solver may do with it, and why.
         findings: what speaks against it, the gravest first.
         confirmed_by: the independent claims that confirm it.
-        disbelieved: the claims that contradict it and are shown wrong, each in words.
+        against: the claims that contradict it, those that are shown wrong among them.
+        copies: the claims that have its numbers.
     """
 
     claim: Claim
     ways: tuple[Placed, ...]
+    settled: Settled = Settled.AMBIGUOUS
     verdict: Verdict
     use: Allowed
     findings: tuple[Finding, ...] = ()
     confirmed_by: tuple[Placed, ...] = ()
-    disbelieved: tuple[str, ...] = ()
+    against: tuple[Against, ...] = ()
+    copies: tuple[Placed, ...] = ()
+
+    @property
+    def believed(self) -> tuple[Against, ...]:
+        """The claims that contradict it and are believed."""
+        return tuple(one for one in self.against if not one.shown_by)
+
+    @property
+    def disbelieved(self) -> tuple[Against, ...]:
+        """The claims that contradict it and are shown wrong."""
+        return tuple(one for one in self.against if one.shown_by)
+
+    @property
+    def computed(self) -> str | None:
+        """The name of the tag whose numbers a K has that is called measured and that nothing confirms; None if none."""
+        if not self.claim.is_measured or self.confirmed_by:
+            return None
+        return next((one.claim.name for one in self.copies if not one.claim.is_measured), None)
 
     @property
     def calibration(self) -> Calibration | None:
@@ -79,23 +116,22 @@ class Survey:
             return Weighed(claim=claim, ways=(), verdict=Verdict.UNPROVEN, use=use, findings=(found,))
         others = [one for one in self._placed if one is not K]
         confirming = [one for one in others if self._relation(one, K) is Relation.CONFIRMS]
-        against, disbelieved = [], []
-        for one in others:
-            if self._relation(one, K) is Relation.CONTRADICTS:
-                shown_by = self._shown_wrong(one, K, confirming)
-                if shown_by is None:
-                    against.append(one)
-                else:
-                    disbelieved.append(words.disbelieved(one, shown_by))
+        against = [
+            self._against(one, K, confirming)
+            for one in others
+            if self._relation(one, K) is Relation.CONTRADICTS
+        ]
         findings = sorted(self._findings(K, against), key=lambda one: -[*Severity].index(one.severity))
         return Weighed(
             claim=claim,
             ways=K.ways,
+            settled=K.settled,
             verdict=_verdict(findings),
             use=self._use(K, findings, confirming),
             findings=tuple(findings),
             confirmed_by=tuple(confirming),
-            disbelieved=tuple(disbelieved),
+            against=tuple(against),
+            copies=tuple(one for one in others if self._relation(one, K) is Relation.COPY),
         )
 
     @cached_property
@@ -112,14 +148,21 @@ class Survey:
             self._relations[at] = relate(one, K, self.policy)
         return self._relations[at]
 
-    def _shown_wrong(self, one: Placed, K: Placed, confirming: Sequence[Placed]) -> tuple[str, str] | None:
-        """The two that show a contradiction wrong, K and what confirms it; None if it is believed.
+    def _against(self, one: Placed, K: Placed, confirming: Sequence[Placed]) -> Against:
+        limit, shown_by = limit_between(one.claim, K.claim), self._shown_wrong(one, K, confirming)
+        message = words.said(K, one, limit, self.policy)
+        if shown_by:
+            message = words.disbelieved(message, shown_by)
+        return Against(one=one, message=message, limit=limit, shown_by=shown_by)
+
+    def _shown_wrong(self, one: Placed, K: Placed, confirming: Sequence[Placed]) -> tuple[str, ...]:
+        """The two that show a contradiction wrong, K and what confirms it; none if it is believed.
 
         What is measured is shown wrong by two voices; and where two speak against a third, what repeats that third is
         no support of it.
         """
         if not is_independent(one, K):
-            return None
+            return ()
         against = [
             other
             for other in confirming
@@ -130,20 +173,21 @@ class Survey:
             against = voices
         # What is stated of the whole frame shows nothing of an image that may be a part of it, however many state it.
         if not against or (one.claim.is_framed and not any(other.claim.is_framed for other in (K, *against))):
-            return None
+            return ()
         outside = one.claim.voice != K.claim.voice and any(v.claim.voice != one.claim.voice for v in voices)
         for other in self._placed:
             repeats = outside and other.claim.voice == one.claim.voice
             if other is not one and not repeats and self._relation(other, one) is Relation.CONFIRMS:
-                return None
+                return ()
         return K.claim.name, against[0].claim.name
 
-    def _findings(self, K: Placed, against: Sequence[Placed]) -> Iterator[Finding]:
+    def _findings(self, K: Placed, against: Sequence[Against]) -> Iterator[Finding]:
         for one in validate(K.calibration, self.policy).failures:
             if one.rule in OF_K_ALONE:
                 yield one
         for other in against:
-            yield words.contradicted(K, other, limit_between(other.claim, K.claim))
+            if not other.shown_by:
+                yield words.contradicted(K, other.one, other.message, other.limit)
         if K.settled is Settled.AMBIGUOUS:
             yield words.frame_unknown(K, [one for one in self._placed if one.claim.is_kept])
         for done in self._done_to(K):

@@ -4,33 +4,47 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from calibrary.errors import CalibraryError, InputError
 from calibrary.jobs.survey.placing import Placed
+from calibrary.policy import Policy
 from calibrary.validation import EDITED, Finding, Severity
 
 REGISTER: str = "calibrate this image size, and register it"
 
 
-def contradicted(K: Placed, one: Placed, limit: float) -> Finding:
+def said(K: Placed, one: Placed, limit: float, policy: Policy) -> str:
+    """How a claim differs from K."""
+    apart = f"{one.claim.name} states fx = {one.fx:.1f} px, {one.fx / K.fx - 1.0:+.1%}"
+    if not (one.claim.is_measured and K.claim.is_measured):
+        return f"{apart}, and the two may differ by {limit:.0%}"
+    from calibrary.jobs.diff.comparison import compare  # noqa: PLC0415  loads linear algebra, for the few that need it
+    from calibrary.jobs.diff.wording import pixels  # noqa: PLC0415  as above
+
+    try:
+        found = compare(K.calibration, one.calibration, policy)
+    except CalibraryError as error:
+        return f"{apart}, and cannot be compared: {error.message if isinstance(error, InputError) else error}"
+    # Where the kind of change is the first reason, the pixels are told besides.
+    seen = found.numbers.projection if found.structural and found.numbers is not None else None
+    far = f"{pixels(seen.rms_px)} rms, {pixels(seen.max_px)} at most: " if seen is not None else ""
+    return f"{apart}, another K: {far}{found.reasons[0]}"
+
+
+def contradicted(K: Placed, one: Placed, message: str, limit: float) -> Finding:
     """A claim that is believed contradicts K."""
-    apart = one.fx / K.fx - 1.0
-    if one.claim.is_measured and K.claim.is_measured:
-        known = "which is another K, as 'calibrary diff' judges"
-    else:
-        known = f"and the two may differ by {limit:.0%}"
     return Finding(
         rule="contradicted",
         severity=Severity.UNPROVEN,
-        measured=apart,
+        measured=one.fx / K.fx - 1.0,
         limit=limit,
-        message=f"{one.claim.name} states fx = {one.fx:.1f} px, {apart:+.1%}, {known}",
+        message=message,
         remedy="find out which of the two is right: 'calibrary check IMAGES FILE' tells of another K",
     )
 
 
-def disbelieved(one: Placed, shown_by: Sequence[str]) -> str:
+def disbelieved(message: str, shown_by: Sequence[str]) -> str:
     """A claim that contradicts K is not believed."""
-    by = " and ".join(shown_by)
-    return f"{one.claim.name} states fx = {one.fx:.1f} px; it is not believed: {by} show it wrong"
+    return f"{message}; it is not believed: {' and '.join(shown_by)} show it wrong"
 
 
 def frame_unknown(K: Placed, fitting: Sequence[Placed]) -> Finding:
