@@ -168,7 +168,7 @@ def test_another_lens_in_exif_is_caught_by_the_audit_and_the_entry_stays(
     assert main(["registry", "audit", str(thermal(tmp_path / "right", RIGHT))]) == 0
     capsys.readouterr()
     assert main(["registry", "audit", str(thermal(tmp_path / "wrong", WRONG))]) == 1
-    assert "FocalLengthIn35mmFilm of its images says fx = 549.3 px" in capsys.readouterr().out
+    assert "FocalLengthIn35mmFilm states fx = 549.3 px, -45.3%" in capsys.readouterr().out
     assert commit_of(fleet) == before
 
 

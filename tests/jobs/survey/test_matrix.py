@@ -8,13 +8,16 @@ from typing import Any, Final, NamedTuple
 
 import pytest
 
+from calibrary import open_registry
 from calibrary.calibration import Quality
 from calibrary.distortion import BrownConrady
+from calibrary.jobs.audit.report import Rule
 from calibrary.jobs.resolve import resolve
 from calibrary.jobs.resolve.run import FleetAnswer
 from calibrary.quality import Covariance
 from calibrary.records import replace
 from calibrary.registry.entry_yaml import entry_yaml
+from calibrary.validation import Severity
 from tests.jobs.extract.fleet import picture
 from tests.registry.entries import FILE, an_entry
 
@@ -121,3 +124,27 @@ def test_both_ks_of_a_crop_are_shown_with_what_would_decide(asked: Callable[...,
     assert [round(one.intrinsics.fx) for one in found.possible] == [3078, 3420]
     assert "EXIF FocalLength × FocalPlaneResolution states 3409" in (found.use_reason or "")
     assert found.remedy == "calibrate this image size, and register it"
+
+
+CASES: Final = [
+    (name, plane, camera) for name in CHANGES for plane in (False, True) for camera in (UNKNOWN, KNOWN)
+]
+
+
+@pytest.mark.parametrize(("name", "plane", "camera"), CASES)
+def test_an_audit_gives_the_entry_the_k_that_resolve_gives_it(
+    asked: Callable[..., Asked], name: str, plane: bool, camera: tuple[str, str]
+) -> None:
+    one = asked(name, plane=plane, camera=camera)
+    resolved = answer(one)
+    report = open_registry(one.registry).audit(one.image.parent, workers=1)
+    [audited] = report.cameras
+    against = {Rule.SIZE, Rule.DRIFT, Rule.TAGS} & {
+        finding.rule for finding in report.findings if finding.severity is not Severity.NOTE
+    }
+    if resolved.calibration is None:
+        assert against, report.findings
+    else:
+        assert audited.fx == resolved.calibration.intrinsics.fx
+        assert not against & {Rule.DRIFT, Rule.TAGS}
+    assert bool({Rule.SIZE} & against) is (one.change.size != FULL)

@@ -12,19 +12,14 @@ from msgspec import Struct
 
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import AmbiguousEntryError, CalibraryError, InputError, RegistryError
-from calibrary.image_size import same_aspect
 from calibrary.jobs.audit.flights import Flown
 from calibrary.jobs.audit.report import FlownSource, Rule, Use
 from calibrary.jobs.diff.comparison import compare
-from calibrary.jobs.weigh import (
-    MEASURED,
-    Contradiction,
-    Source,
-    known_tolerance,
-    limit_between,
-    of_tags,
-    weigh,
-)
+from calibrary.jobs.survey import Against, Claim, Survey, Weighed, of_entry, of_images
+from calibrary.jobs.survey.placing import Settled
+from calibrary.jobs.survey.relating import gap, limit_between
+from calibrary.jobs.survey.survey import OF_K_ALONE
+from calibrary.jobs.weigh import MEASURED, known_tolerance
 from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.registry.configuration import Repeat
@@ -35,6 +30,8 @@ from calibrary.registry.resolution import RegistryIndex, Resolution
 from calibrary.validation import GIVE_FILES, Finding, Severity
 
 MOST_NEAR: Final = 3
+ENTRY: Final = "the entry"
+"""Name of the claim of the entry that applies to a camera: always the first of its survey."""
 
 
 class Answer(Struct, frozen=True, kw_only=True):
@@ -56,6 +53,16 @@ class Answer(Struct, frozen=True, kw_only=True):
     def entry_id(self) -> str | None:
         """The entry's id."""
         return id_of(self.resolution.path) if self.resolution is not None else None
+
+    def survey(self, policy: Policy, *more: Claim) -> Survey | None:
+        """What the images, their entry and more state of them; None without an entry that may be used."""
+        if self.resolution is None or self.use not in {Use.USED, Use.EXPIRED}:
+            return None
+        camera, state = self.flown.camera, self.flown.camera.states[0]
+        entry = replace(of_entry(self.resolution, policy), name=ENTRY)
+        claims = (entry, *of_images(camera.evidence, camera.key, policy), *more)
+        # What programs did to the images is told of all of them at once.
+        return Survey(state.metadata, claims, policy)
 
 
 def camera_words(flown: Flown) -> str:
@@ -169,49 +176,58 @@ def tolerance_of(entry: Entry, policy: Policy) -> float:
     return entry.tolerance or known_tolerance(policy)
 
 
-def stated_by(answer: Answer, policy: Policy) -> tuple[Source, ...]:
-    """What the images of a camera state, without the entry."""
-    return tuple(of_tags(answer.flown.camera.evidence, answer.flown.camera.key, policy))
+def compared(survey: Survey | None, chosen: str | None) -> tuple[FlownSource, ...]:
+    """What the images state, each compared with their entry.
 
-
-def compared(answer: Answer, policy: Policy) -> list[FlownSource]:
-    """What the images state and could contradict the entry, each compared with it, best first."""
-    if answer.resolution is None:
-        return []
-    entry, chosen = Source.of_entry(answer.resolution, policy), answer.flown.camera.evidence.chosen
-    K = entry.calibration.intrinsics
-    found = []
-    for one in stated_by(answer, policy):
-        seen, (width, _) = one.calibration.intrinsics, one.calibration.intrinsics.image_size
-        apart = {"fx": seen.fx / K.fx - 1.0, "fy": seen.fy / K.fy - 1.0}
-        # A centre that was not measured is half the image, and differs from every calibrated one.
-        if one.is_measured:
-            apart |= {"cx": (seen.cx - K.cx) / width, "cy": (seen.cy - K.cy) / width}
-        of = max(apart, key=lambda name: abs(apart[name]))
-        found.append(
-            FlownSource(
-                tag=one.name,
-                grade=one.calibration.grade,
-                fx=seen.fx,
-                tolerance=one.rounding,
-                difference=apart[of],
-                of=of,
-                limit=tolerance_of(answer.resolution.entry, policy)
-                if one.is_measured
-                else limit_between(one, entry),
-                chosen=chosen is not None and one.name == chosen.tag,
-            )
+    Args:
+        survey: of the camera.
+        chosen: the tag that gives the images' own K.
+    """
+    weighed = survey.weigh(survey.claims[0]) if survey is not None else None
+    if survey is None or weighed is None or weighed.settled is Settled.AMBIGUOUS:
+        return ()
+    entry = weighed.ways[0]
+    return tuple(
+        FlownSource(
+            tag=one.claim.name,
+            grade=one.calibration.grade,
+            fx=one.fx,
+            tolerance=one.claim.rounding,
+            difference=gap(one, entry),
+            limit=limit_between(one.claim, entry.claim),
+            contradicts=any(one is other.one for other in weighed.against),
+            chosen=one.claim.name == chosen,
         )
-    return found
+        for one in survey.placed
+        if one is not entry
+    )
 
 
-def disagreements(answer: Answer, policy: Policy) -> Iterator[Finding]:
+def disagreements(answer: Answer, survey: Survey | None, policy: Policy) -> Iterator[Finding]:
     """Findings where the images contradict the entry that applies to them."""
-    if answer.resolution is None or answer.use not in {Use.USED, Use.EXPIRED}:
+    if survey is None or answer.resolution is None:
         return
+    weighed = survey.weigh(survey.claims[0])
     yield from _firmware(answer, answer.resolution.entry)
-    yield from _size(answer, answer.resolution)
-    yield from _intrinsics(answer, answer.resolution, policy)
+    yield from _frame(answer, answer.resolution, weighed)
+    for one in weighed.findings:
+        if one.rule in OF_K_ALONE:
+            yield _about(answer, Rule.UNLIKELY, Severity.ERROR, one.message, one.remedy)
+    if weighed.settled is not Settled.AMBIGUOUS:
+        yield from _contradictions(answer, answer.resolution, weighed, policy)
+
+
+def _about(
+    answer: Answer, rule: Rule, severity: Severity, message: str, remedy: str | None = None
+) -> Finding:
+    return Finding(
+        rule=rule,
+        severity=severity,
+        camera=camera_words(answer.flown),
+        place=answer.entry_id,
+        message=message,
+        remedy=remedy,
+    )
 
 
 def _firmware(answer: Answer, entry: Entry) -> Iterator[Finding]:
@@ -220,13 +236,12 @@ def _firmware(answer: Answer, entry: Entry) -> Iterator[Finding]:
     # A stated firmware range includes the camera's firmware, otherwise this entry would not apply.
     if made_with is None or now is None or entry.firmware is not None or _may_be_same(made_with, now):
         return
-    yield Finding(
-        rule=Rule.FIRMWARE,
-        severity=Severity.WARNING,
-        camera=camera_words(flown),
-        place=answer.entry_id,
-        message=f"the entry was made with firmware {made_with} and the camera flies {now}: K may have moved",
-        remedy=f"calibrate it with {now} and register the result; where K is known to be the same, in the registry's "
+    yield _about(
+        answer,
+        Rule.FIRMWARE,
+        Severity.WARNING,
+        f"the entry was made with firmware {made_with} and the camera flies {now}: K may have moved",
+        f"calibrate it with {now} and register the result; where K is known to be the same, in the registry's "
         f"folder: calibrary registry add {entry.path} --firmware-range {made_with}..{now}",
     )
 
@@ -239,94 +254,68 @@ def _may_be_same(one: str, other: str) -> bool:
         return True
 
 
-def _size(answer: Answer, found: Resolution) -> Iterator[Finding]:
-    entry, flown = found.entry, answer.flown
-    kept, seen = entry.calibration.intrinsics.image_size, found.calibration.intrinsics.image_size
-    if (doubt := flown.camera.doubt(entry.calibration)) is not None:
-        yield Finding(
-            rule=Rule.EDITED,
-            severity=Severity.WARNING,
-            camera=camera_words(flown),
-            place=answer.entry_id,
-            message=f"{doubt}: nothing shows that the entry's K describes them",
-            remedy=GIVE_FILES,
-        )
+def _frame(answer: Answer, found: Resolution, weighed: Weighed) -> Iterator[Finding]:
+    """Findings on images that are not the frame that was calibrated."""
+    stated = found.entry.calibration
+    if (doubt := answer.flown.camera.doubt(stated)) is not None:
+        message = f"{doubt}: nothing shows that the entry's K describes them"
+        yield _about(answer, Rule.EDITED, Severity.WARNING, message, GIVE_FILES)
         return
+    kept, seen = stated.intrinsics.image_size, answer.flown.camera.states[0].metadata.size
     if kept == seen:
         return
-    assumed = "; ".join(found.calibration.provenance.assumptions)
-    how = "another scale of the same frame" if same_aspect(kept, seen) else "a part of the frame"
+    sizes = f"images are {seen[0]}×{seen[1]} and the entry is of {kept[0]}×{kept[1]}"
     back = "set the camera back to its full frame, or " if seen < kept else ""
-    yield Finding(
-        rule=Rule.SIZE,
-        severity=Severity.WARNING,
-        camera=camera_words(flown),
-        place=answer.entry_id,
-        message=f"images are {seen[0]}×{seen[1]} and the entry is of {kept[0]}×{kept[1]}: {how}, so its K is "
-        f"taken over by arithmetic{f' ({assumed})' if assumed else ''}",
-        remedy=f"{back}calibrate it at this size and add that",
-    )
+    remedy = f"{back}calibrate it at this size and add that"
+    if weighed.settled is Settled.AMBIGUOUS:
+        yield _about(answer, Rule.SIZE, Severity.ERROR, f"{sizes}: {weighed.use.why}", remedy)
+        return
+    taken = weighed.ways[0].reading
+    how = "; ".join((*taken.steps, *(f"assumed: {one}" for one in taken.assumes)))
+    yield _about(answer, Rule.SIZE, Severity.WARNING, f"{sizes}, so its K is taken over: {how}", remedy)
 
 
-def _intrinsics(answer: Answer, found: Resolution, policy: Policy) -> Iterator[Finding]:
-    """Findings on what the images state against their entry, as everything that states a K is weighed.
+def _contradictions(answer: Answer, found: Resolution, weighed: Weighed, policy: Policy) -> Iterator[Finding]:
+    """Findings on what the images state against their entry.
 
     What extract would use against the entry is drift. Of another unit than the entry's it is a note, because units of
     a model differ.
     """
-    entry, stated = Source.of_entry(found, policy), stated_by(answer, policy)
-    weighed = weigh(entry, stated, entry.calibration.camera, policy)
-    own, chosen = answer.flown.camera.calibration, answer.flown.camera.evidence.chosen
-    serial = found.entry.calibration.camera.serial
-    one_unit = own is not None and own.camera.serial is not None and own.camera.serial == serial
-    seen = {one.tag: one for one in compared(answer, policy)}
-    causes = {one.other.tag: one.cause.value for one in answer.flown.camera.evidence.conflicts}
-    against = {one.source.name: one for one in weighed.contradicted_by}
-    first = chosen is not None and against.get(chosen.tag)
-    if chosen is not None and first:
+    chosen = answer.flown.camera.evidence.chosen
+    first = next(
+        (one for one in weighed.believed if chosen is not None and one.one.claim.name == chosen.tag), None
+    )
+    if first is not None:
         # The other sources are not reported besides: the one that extract would use is against the entry already.
-        apart = seen[chosen.tag]
-        yield _drifted(
-            answer, first, apart, is_sure=one_unit or apart.is_beyond or not first.source.is_measured
-        )
+        yield _drifted(answer, found, first, weighed, policy)
         return
-    by = weighed.confirmed_by if weighed.computed is not None else (*weighed.copies, *weighed.confirmed_by)
-    confirmed = next((one.name for one in by), None)
-    for name, one in against.items():
-        cause = causes.get(name)
-        yield Finding(
-            rule=Rule.TAGS,
-            severity=Severity.NOTE if one.disbelieved_by or confirmed else Severity.WARNING,
-            camera=camera_words(answer.flown),
-            place=answer.entry_id,
-            message=f"{name} says {_text(seen[name])} from the entry"
-            + (f": {cause}" if cause else "")
-            + (
-                f"; {confirmed} confirms the entry, whose K stays as it is"
-                if confirmed
-                else "; nothing else in the images shows which is right"
-            ),
-            remedy=None if confirmed else f"calibrary inspect {quote(str(answer.flown.example))}",
+    causes = {one.other.tag: one.cause.value for one in answer.flown.camera.evidence.conflicts}
+    for one in weighed.against:
+        cause = causes.get(one.one.claim.name)
+        yield _about(
+            answer,
+            Rule.TAGS,
+            Severity.NOTE if one.shown_by else Severity.WARNING,
+            one.message + (f" ({cause})" if cause else ""),
+            None if one.shown_by else f"calibrary inspect {quote(str(answer.flown.example))}",
         )
 
 
-def _drifted(answer: Answer, against: Contradiction, apart: FlownSource, *, is_sure: bool) -> Finding:
+def _drifted(
+    answer: Answer, found: Resolution, against: Against, weighed: Weighed, policy: Policy
+) -> Finding:
     """Finding on the K of images that is not that of their entry."""
-    name = against.source.name
-    if against.source.is_measured:
-        whose = "" if is_sure else "; the entry is not known to be of this unit, and units of a model differ"
-        message = f"{name} of its images {against.message}{whose}"
-    else:
-        message = (
-            f"{name} of its images says {_text(apart)} from the entry, which may be off by {apart.limit:.1%}"
-        )
-    return Finding(
-        rule=Rule.DRIFT if is_sure else Rule.UNITS,
-        severity=Severity.ERROR if is_sure else Severity.NOTE,
-        camera=camera_words(answer.flown),
-        place=answer.entry_id,
-        message=message,
-        remedy=f"calibrary diff {answer.entry_id} {quote(str(answer.flown.example))}",
+    own, serial = answer.flown.camera.calibration, found.entry.calibration.camera.serial
+    is_one_unit = own is not None and own.camera.serial is not None and own.camera.serial == serial
+    is_far = abs(gap(against.one, weighed.ways[0])) > tolerance_of(found.entry, policy)
+    is_sure = is_one_unit or is_far or not against.one.claim.is_measured
+    whose = "" if is_sure else "; the entry is not known to be of this unit, and units of a model differ"
+    return _about(
+        answer,
+        Rule.DRIFT if is_sure else Rule.UNITS,
+        Severity.ERROR if is_sure else Severity.NOTE,
+        f"{against.message}{whose}",
+        f"calibrary diff {answer.entry_id} {quote(str(answer.flown.example))}",
     )
 
 
@@ -388,12 +377,6 @@ def _told_apart(one: Calibration, other: Calibration, policy: Policy) -> str | N
         return comparison.reasons[0]
     a, b = numbers.a.intrinsics, numbers.b.intrinsics
     return f"fx {b.fx / a.fx - 1.0:+.2%}, centre {b.cx - a.cx:+.1f} px, {b.cy - a.cy:+.1f} px"
-
-
-def _text(source: FlownSource) -> str:
-    if source.of == "fx":
-        return f"fx = {source.fx:.1f} px, {source.difference:+.1%}"
-    return f"{source.of} {source.difference:+.1%}" + (" of the width" if source.of in {"cx", "cy"} else "")
 
 
 def entry_findings(

@@ -14,7 +14,7 @@ from typing import Final
 
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import CalibraryError, InputError
-from calibrary.jobs.audit.findings import Answer, camera_words, stated_by
+from calibrary.jobs.audit.findings import ENTRY, Answer, camera_words
 from calibrary.jobs.audit.report import NotCompared, Rule, Use
 from calibrary.jobs.diff.comparison import compare
 from calibrary.jobs.diff.wording import percent
@@ -22,11 +22,11 @@ from calibrary.jobs.extract.calibration_files import (
     CalibrationsOfFile,
     may_be_calibration,
     read_calibration_files,
-    size_of,
 )
-from calibrary.jobs.extract.fallback import fits
 from calibrary.jobs.images.folders import walk
-from calibrary.jobs.weigh import MEASURED, Source, Weighed, foreign, weigh
+from calibrary.jobs.survey import Weighed, of_file
+from calibrary.jobs.survey.placing import Settled
+from calibrary.jobs.weigh import MEASURED, foreign
 from calibrary.parsers.files import is_image
 from calibrary.policy import Policy
 from calibrary.records import replace
@@ -35,7 +35,7 @@ from calibrary.registry.paths import id_of, in_use_path
 from calibrary.registry.pending import Pending, pending
 from calibrary.registry.resolution import resolve
 from calibrary.registry.snapshot import Snapshot
-from calibrary.validation import Finding, Severity
+from calibrary.validation import Finding, Severity, Verdict
 
 Statement = Finding | NotCompared
 IN_USE: Final = frozenset({Use.USED, Use.EXPIRED})
@@ -167,53 +167,57 @@ def _statements_of_file(
     finding already.
     """
     metric = [one for one in file.calibrations if one.grade.is_metric]
-    outcomes: list[tuple[Answer, Calibration, Weighed]] = []
+    outcomes: list[tuple[Answer, Weighed]] = []
     others = []
     for answer in answers:
-        if answer.resolution is None or answer.use not in IN_USE or answer.entry_id is None:
+        own = [one for one in metric if foreign(one, answer.flown.key) is None]
+        claims = [of_file(file.label, one, policy) for one in own]
+        survey = answer.survey(policy, *claims)
+        if survey is None:
             continue
-        K, size = answer.resolution.calibration, size_of(answer.flown.camera)
-        sized = [one for one in metric if fits(one, size)]
-        own = [one for one in sized if foreign(one, answer.flown.key) is None]
-        others += [why for one in sized if (why := foreign(one, answer.flown.key)) is not None]
-        if own:
-            fx = K.intrinsics.fx
-            other = min((one.scaled(size) for one in own), key=lambda one: abs(one.intrinsics.fx - fx))
-            sources = (*stated_by(answer, policy), Source.of_entry(answer.resolution, policy))
-            stated = Source.measured(file.label, other)
-            outcomes.append((answer, other, weigh(stated, sources, answer.flown.key, policy)))
+        others += [why for one in metric if (why := foreign(one, answer.flown.key)) is not None]
+        placed = [one for one in map(survey.weigh, claims) if one.ways]
+        if placed:
+            outcomes.append((answer, min(placed, key=_least_against)))
     if others and not outcomes:
         yield NotCompared(what=file.label, reason=others[0])
-    entries = sorted({answer.entry_id or "" for answer, _, _ in outcomes})
+    entries = sorted({answer.entry_id or "" for answer, _ in outcomes})
     if len(metric) == 1 and len(entries) > 1:
-        if not any(one[2].may_be_used or _is_of_entry(one[2], one[0]) for one in outcomes):
+        if not any(not one.believed or _is_of_entry(one) for _, one in outcomes):
             reason = f"it does not say of which camera it is, and it is the K of none of {', '.join(entries)}"
             yield NotCompared(what=file.label, reason=reason)
         return
     told, where = set[str](), quote(os.path.normpath(path))
-    for answer, other, weighed in outcomes:
+    for answer, weighed in outcomes:
         id_ = answer.entry_id or ""
-        if weighed.may_be_used or id_ in told or _is_of_entry(weighed, answer):
+        if weighed.verdict is Verdict.VALID or id_ in told or _is_of_entry(weighed):
             continue
         told.add(id_)
-        used = answer.resolution
-        said = (weighed.reason or "").replace(used.path, "its entry") if used is not None else weighed.reason
-        entry = used.entry.calibration.camera if used is not None else other.camera
+        if weighed.settled is Settled.AMBIGUOUS:
+            yield NotCompared(what=file.label, reason=weighed.use.why)
+            continue
+        grade, used = weighed.claim.calibration.grade, answer.resolution
+        camera = used.entry.calibration.camera if used is not None else weighed.claim.calibration.camera
         yield Finding(
             rule=Rule.FILE,
-            severity=Severity.WARNING if other.grade in MEASURED else Severity.NOTE,
+            severity=Severity.WARNING if grade in MEASURED else Severity.NOTE,
             camera=camera_words(answer.flown),
             place=id_,
-            message=f"{file.label} among its images states another K, {other.grade.value}: {said}",
+            message=f"{file.label} among its images states another K, {grade.value}: {weighed.findings[0].message}",
             remedy=f"calibrary diff {id_} {where}, then move it away, or if it is right calibrary registry add {where} "
-            + _flags(entry),
+            + _flags(camera),
         )
 
 
-def _is_of_entry(weighed: Weighed, answer: Answer) -> bool:
+def _least_against(weighed: Weighed) -> tuple[int, float]:
+    """Of several cameras of a file the one that stands best, and then is nearest to the entry."""
+    apart = max((abs(one.one.fx / weighed.ways[0].fx - 1.0) for one in weighed.believed), default=0.0)
+    return len(weighed.believed), apart
+
+
+def _is_of_entry(weighed: Weighed) -> bool:
     """Whether a file states the K of the entry in use: what the images say of that is said of the entry."""
-    path = answer.resolution.path if answer.resolution is not None else None
-    return any(one.name == path for one in (*weighed.copies, *weighed.confirmed_by))
+    return any(one.claim.name == ENTRY for one in (*weighed.copies, *weighed.confirmed_by))
 
 
 def _flags(camera: CameraKey) -> str:

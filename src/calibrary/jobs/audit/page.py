@@ -273,7 +273,7 @@ def _chart(one: AuditedCamera) -> Figure | None:
             name=source.tag,
             value=source.fx,
             half_width=source.fx * source.tolerance,
-            role=Role.DISAGREES if source.is_beyond else Role.AGREES,
+            role=Role.DISAGREES if source.contradicts else Role.AGREES,
         )
         for source in one.sources
     ]

@@ -28,6 +28,7 @@ class Rule(StrEnum):
     RETIRED = "retired in use"
     EXPIRED = "expired in use"
     SEVERAL = "several entries"
+    UNLIKELY = "K is unlikely"
     DRIFT = "K drifted"
     PIXELS = "pixels contradict K"
     STEP = "K changed with the firmware"
@@ -84,16 +85,16 @@ class FindingCounts(Record):
 
 
 class FlownSource(Record):
-    """Estimate of one source in the images, compared with the entry.
+    """What states a K of the images, compared with the entry.
 
     Attributes:
-        tag: of the source.
+        tag: its name.
         grade: origin of its intrinsics.
         fx: px.
         tolerance: of the source itself, as a fraction of fx.
-        difference: as a fraction of fx, or of the width for cx and cy.
-        of: the parameter that differs most: fx, fy, cx or cy.
-        limit: largest allowed difference.
+        difference: largest of fx and fy as a fraction, and of a measured centre over the width.
+        limit: largest allowed difference of the focal lengths; 0 if both were measured, which diff compares.
+        contradicts: whether it contradicts the entry.
         chosen: whether it is the best of the images' sources.
     """
 
@@ -102,14 +103,9 @@ class FlownSource(Record):
     fx: float
     tolerance: float
     difference: float
-    of: str
     limit: float
+    contradicts: bool
     chosen: bool
-
-    @property
-    def is_beyond(self) -> bool:
-        """Whether the difference exceeds the limit."""
-        return abs(self.difference) > self.limit
 
 
 class AuditedCamera(Record):
@@ -124,7 +120,7 @@ class AuditedCamera(Record):
         use: whether there is an entry to use.
         entry: id of the entry; None if there is none.
         why: reason for this entry.
-        fx: of the entry at the images' size, px.
+        fx: of the entry at the images' size, px; None if nothing shows how they came from its frame.
         tolerance: largest allowed difference from the entry, as a fraction of fx.
         sources: estimates of the images' sources, compared with the entry.
     """

@@ -36,6 +36,8 @@ from calibrary.jobs.audit.report import (
     Use,
     Verification,
 )
+from calibrary.jobs.survey import Survey
+from calibrary.jobs.survey.placing import Settled
 from calibrary.known_camera import match_key
 from calibrary.policy import Policy
 from calibrary.progress import Progress, labelled
@@ -71,9 +73,12 @@ def audit(
     entries = {path: entry for path, entry in parsed.items() if isinstance(entry, Entry)}
     seen = _labelled(seen, entries.values())
     answers = tuple(answer_to(flown, index, today) for flown in seen.flown)
+    cameras = []
     findings = [answer.finding for answer in answers if answer.finding is not None]
     for answer in answers:
-        findings += disagreements(answer, policy)
+        survey = answer.survey(policy)
+        findings += disagreements(answer, survey, policy)
+        cameras.append(_camera(answer, survey, policy))
     units_apart = [*unit_findings(answers, policy)]
     # Where several units differ from one another, that says more than how each differs from their one entry.
     told = {one.place for one in units_apart}
@@ -86,7 +91,7 @@ def audit(
         *file_statements(folders, snapshot.place, answers, policy),
     ]
     findings += [one for one in statements if isinstance(one, Finding)]
-    not_compared = [*_silent(answers, policy), *(one for one in statements if isinstance(one, NotCompared))]
+    not_compared = [*_silent(cameras), *(one for one in statements if isinstance(one, NotCompared))]
     verification = None
     if verify_minutes is not None:
         verification, by_pixels = _verified(seen, index, policy, today, verify_minutes, progress)
@@ -112,7 +117,7 @@ def audit(
         images_undated=seen.undated,
         entries=len(parsed),
         counts=FindingCounts(**counts),
-        cameras=tuple(_camera(answer, policy) for answer in answers),
+        cameras=tuple(cameras),
         findings=tuple(findings),
         units=units,
         flights=_flights(answers, findings, units),
@@ -137,13 +142,13 @@ def _verified(
     return done, pixel_findings(done, seen.flown)
 
 
-def _silent(answers: Sequence[Answer], policy: Policy) -> Iterator[NotCompared]:
+def _silent(cameras: Sequence[AuditedCamera]) -> Iterator[NotCompared]:
     """The cameras whose images state nothing that their entry can be compared with."""
-    for answer in answers:
-        if answer.use is Use.USED and not compared(answer, policy):
+    for one in cameras:
+        if one.use is Use.USED and one.fx is not None and not one.sources:
             yield NotCompared(
-                what=camera_words(answer.flown),
-                reason=f"nothing in its images states a K to compare {answer.entry_id} with; --verify asks the pixels",
+                what=one.name,
+                reason=f"nothing in its images states a K to compare {one.entry} with; --verify asks the pixels",
             )
 
 
@@ -160,8 +165,10 @@ def _unit(camera: CameraKey) -> tuple[str, ...] | None:
     return tuple(match_key(text or "") for text in (camera.make, camera.model, camera.serial))
 
 
-def _camera(answer: Answer, policy: Policy) -> AuditedCamera:
-    flown, resolution = answer.flown, answer.resolution
+def _camera(answer: Answer, survey: Survey | None, policy: Policy) -> AuditedCamera:
+    flown, found, chosen = answer.flown, answer.resolution, answer.flown.camera.evidence.chosen
+    weighed = survey.weigh(survey.claims[0]) if survey is not None else None
+    is_placed = weighed is not None and weighed.settled is not Settled.AMBIGUOUS
     return AuditedCamera(
         name=camera_words(flown),
         unit=unit_name(flown.key, flown.label),
@@ -171,10 +178,10 @@ def _camera(answer: Answer, policy: Policy) -> AuditedCamera:
         last=flown.last,
         use=answer.use,
         entry=answer.entry_id,
-        why=resolution.why if resolution is not None else None,
-        fx=resolution.calibration.intrinsics.fx if resolution is not None else None,
-        tolerance=tolerance_of(resolution.entry, policy) if resolution is not None else None,
-        sources=tuple(compared(answer, policy)),
+        why=found.why if found is not None else None,
+        fx=weighed.ways[0].fx if weighed is not None and is_placed else None,
+        tolerance=tolerance_of(found.entry, policy) if found is not None else None,
+        sources=compared(survey, chosen.tag if chosen is not None else None),
     )
 
 

@@ -308,8 +308,7 @@ def _rules(snapshot: Snapshot, asker: _Asker) -> Iterator[Matter]:
 def _contradicting(snapshot: Snapshot, parsed: dict[str, Entry | InputError]) -> Iterator[Matter]:
     for one in proposal_statements(snapshot, parsed, (), snapshot.configuration.policy):
         if not isinstance(one, NotCompared) and one.severity is not Severity.NOTE:
-            first = one.remedy.partition(",")[0] if one.remedy is not None else None
-            yield Matter(kind=Kind.CONTRADICTS, what=one.place or "", text=one.message, next=first)
+            yield Matter(kind=Kind.CONTRADICTS, what=one.place or "", text=one.message, next=one.remedy)
 
 
 def _ending(

@@ -109,12 +109,12 @@ class Survey:
 
     def weigh(self, claim: Claim) -> Weighed:
         """One claim of this survey among the others."""
-        K = next((one for one in self._placed if one.claim is claim), None)
+        K = next((one for one in self.placed if one.claim is claim), None)
         if K is None:
             found = words.not_this_frame(claim.name)
             use = Allowed(use=Use.NONE, why=found.message)
             return Weighed(claim=claim, ways=(), verdict=Verdict.UNPROVEN, use=use, findings=(found,))
-        others = [one for one in self._placed if one is not K]
+        others = [one for one in self.placed if one is not K]
         confirming = [one for one in others if self._relation(one, K) is Relation.CONFIRMS]
         against = [
             self._against(one, K, confirming)
@@ -135,7 +135,8 @@ class Survey:
         )
 
     @cached_property
-    def _placed(self) -> tuple[Placed, ...]:
+    def placed(self) -> tuple[Placed, ...]:
+        """The claims at the size of the images."""
         return place(self.claims, self.metadata, self._says)
 
     def _says(self, one: Placed, K: Placed) -> bool | None:
@@ -175,7 +176,7 @@ class Survey:
         if not against or (one.claim.is_framed and not any(other.claim.is_framed for other in (K, *against))):
             return ()
         outside = one.claim.voice != K.claim.voice and any(v.claim.voice != one.claim.voice for v in voices)
-        for other in self._placed:
+        for other in self.placed:
             repeats = outside and other.claim.voice == one.claim.voice
             if other is not one and not repeats and self._relation(other, one) is Relation.CONFIRMS:
                 return ()
@@ -189,7 +190,7 @@ class Survey:
             if not other.shown_by:
                 yield words.contradicted(K, other.one, other.message, other.limit)
         if K.settled is Settled.AMBIGUOUS:
-            yield words.frame_unknown(K, [one for one in self._placed if one.claim.is_kept])
+            yield words.frame_unknown(K, [one for one in self.placed if one.claim.is_kept])
         for done in self._done_to(K):
             yield words.edited(done)
 

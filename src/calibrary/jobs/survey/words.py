@@ -26,7 +26,11 @@ def said(K: Placed, one: Placed, limit: float, policy: Policy) -> str:
         return f"{apart}, and cannot be compared: {error.message if isinstance(error, InputError) else error}"
     # Where the kind of change is the first reason, the pixels are told besides.
     seen = found.numbers.projection if found.structural and found.numbers is not None else None
-    far = f"{pixels(seen.rms_px)} rms, {pixels(seen.max_px)} at most: " if seen is not None else ""
+    far = (
+        f"{pixels(seen.rms_px)} rms and {pixels(seen.max_px)} at most over the frame: "
+        if seen is not None
+        else ""
+    )
     return f"{apart}, another K: {far}{found.reasons[0]}"
 
 
