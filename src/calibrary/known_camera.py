@@ -182,7 +182,7 @@ class KnownCamera(Record):
     Attributes:
         make: EXIF Make.
         title: common name.
-        models: all known spellings of EXIF Model.
+        models: all known spellings of EXIF Model, of every body with this camera.
         other_makes: values of EXIF Make other than ``make``.
         sub_camera: set only if one Model has several cameras; None if the Model is one camera, or several identical
             ones.

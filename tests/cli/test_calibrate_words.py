@@ -20,7 +20,7 @@ from calibrary.parsers.images import image_evidence
 BOARD = ["--board", "checkerboard:9x6", "--square-mm", "40"]
 
 
-SMALL = ["--camera", "Mavic 3 Thermal, thermal"]
+SMALL = ["--camera", "Mavic 3 Thermal and Matrice 3TD, thermal"]
 """640×512 px."""
 
 
@@ -181,7 +181,7 @@ def test_an_empty_folder_is_filled_and_a_failure_leaves_nothing(
     ("flags", "said"),
     [
         (["--camera", "no such thing"], "none like it"),
-        (["--camera", "M3T"], "Mavic 3 Thermal, wide; Mavic 3 Thermal, thermal"),
+        (["--camera", "M3T"], "Mavic 3 Enterprise and Mavic 3 Thermal, tele; Mavic 3 Thermal, wide"),
         (["--calibration", "nowhere.yml"], "nowhere.yml"),
         (["--board", "checkerboard:1x9"], "2 to 200"),
         (["--board", "chess"], "PATTERN:COLUMNSxROWS"),

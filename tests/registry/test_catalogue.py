@@ -306,9 +306,11 @@ FIXED = [
     Tagged("DJI", "XT2", (640, 512), 13, "Zenmuse XT2 and XT thermal, 13 mm", 1.195, sub_camera="thermal"),
     Tagged("DJI", "XT2", (4000, 3000), 8, "Zenmuse XT2, visible", 1.076, sub_camera="rgb"),
     Tagged("DJI", "M30T", (1280, 1024), 9.1, "Matrice 30T, thermal", 1.185, 40, None, "thermal"),
-    Tagged("DJI", "M3T", (640, 512), 9.1, "Mavic 3 Thermal, thermal", 1.185, 40, None, "thermal"),
-    Tagged("DJI", "M4T", (1280, 1024), 12, "Matrice 4T, thermal", 1.5625, 52, None, "thermal"),
-    Tagged("DJI", "M4T", (8064, 6048), 6.72, "Matrice 4T, wide", 0.693, 24, None, "wide"),
+    Tagged(
+        "DJI", "M3T", (640, 512), 9.1, "Mavic 3 Thermal and Matrice 3TD, thermal", 1.185, 40, None, "thermal"
+    ),
+    Tagged("DJI", "M4T", (1280, 1024), 12, "Matrice 4T and 4TD, thermal", 1.5625, 52, None, "thermal"),
+    Tagged("DJI", "M4T", (8064, 6048), 6.72, "Matrice 4T and 4TD, wide", 0.693, 24, None, "wide"),
     Tagged(
         "Teledyne FLIR",
         "Boson 640",
@@ -378,6 +380,13 @@ def test_a_phones_other_cameras_are_not_its_main_one(model: str, focal_mm: float
         ("M3M", "VisibleCamera", "rgb"),
         ("M30T", "WideCamera", "wide"),
         ("M4E", "MediumTeleCamera", "medium-tele"),
+        ("M4TD", "MediumTeleCamera", "medium-tele"),
+        ("M4T", "TeleCamera", "tele"),
+        ("M4D", "WideCamera", "wide"),
+        ("M3T", "ZoomCamera", "zoom"),
+        ("M30T", "ZoomCamera", "zoom"),
+        ("H30", "ZoomCamera", "zoom"),
+        ("ZH20N", "WideCamera", "wide"),
         ("ZH20T", "ZoomCamera", "zoom"),
     ],
 )

@@ -15,7 +15,7 @@ A new camera is an entry of the maker's file:
     they are all: an image of another size is taken for a crop. If sources disagree, say so under ``conflicts`` instead
     of choosing silently.
 3.  Several sensors under one Model are several entries, each with its ``sub_camera``; several lenses of one body each
-    with its ``lens``.
+    with its ``lens``. Bodies with the same camera share its entry: their Models stand in one list.
 4.  ``calibrary catalogue MODEL`` shows the entry. ``tests/registry/test_catalogue.py`` names what is wrong with it: a
     source without a reference, an image that would not find it, a focal length that does not give its fx.
 
@@ -332,14 +332,16 @@ def _focal_in(lens: str | None) -> float | None:
 def _size_says(native: ImageSize | None, size: ImageSize | None) -> _Says:
     """Whether a camera can write this image size: full frame, scaled by a whole number, or cropped 1:1 on one side.
 
-    A crop from one camera may be a resized image from another (640×480 from 640×512, or from 4:3). The same
-    aspect ratio at another scale may be a resized image from any camera; another aspect ratio excludes the
-    camera.
+    An enlarged frame may be the full one of a larger sensor. A crop from one camera may be a resized image from
+    another (640×480 from 640×512, or from 4:3). The same aspect ratio at another scale may be a resized image from
+    any camera; another aspect ratio excludes the camera.
     """
     if native is None or size is None or min(size) <= 0:
         return _Says.NOTHING
     if same_aspect(native, size):
-        return _Says.YES if _is_multiple(native, size) or _is_multiple(size, native) else _Says.NOTHING
+        if _is_multiple(native, size):
+            return _Says.YES
+        return _Says.PERHAPS if _is_multiple(size, native) else _Says.NOTHING
     cropped_rows = size[0] == native[0] and native[1] * SMALLEST_CROP <= size[1] <= native[1]
     cropped_columns = size[1] == native[1] and native[0] * SMALLEST_CROP <= size[0] <= native[0]
     return _Says.PERHAPS if cropped_rows or cropped_columns else _Says.NO

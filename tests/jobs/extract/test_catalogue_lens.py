@@ -22,8 +22,8 @@ FIXED = [
     and camera.projection is Projection.PERSPECTIVE
     and camera.native_size is not None
     and camera.fx_over_w_at(camera.focal_mm) is not None
-    # Of two thermal cameras of one Model, nothing tells which it is.
-    and camera.models[0] != "ZH20N"
+    # Of two cameras of one Model that write the same frame, nothing tells which it is.
+    and (camera.models[0], camera.sub_camera) not in {("ZH20N", "thermal"), ("M30T", "wide")}
 ]
 PHANTOM_4: dict[str, Any] = {"make": "DJI", "model": "FC330"}
 BY_THE_CATALOGUE = 3.61 / 6.3175 * 4000
