@@ -82,7 +82,5 @@ def _show(screen: Screen, result: CheckReport) -> None:
         screen.say("[bold green]the K you are about to use is right[/]")
         return
     count = f"{len(wrong)} of {len(result.files)}: " if len(result.files) > 1 else ""
-    text = "is " if wrong[0].message.startswith(("off", "a start only")) else "cannot be used: "
-    screen.say(
-        f"[bold red]{count}the K you are about to use {text}{plain(wrong[0].message.partition(': fx is')[0])}[/]"
-    )
+    answer = wrong[0].answer or f"cannot be used: {wrong[0].message}"
+    screen.say(f"[bold red]{count}the K you are about to use {plain(answer)}[/]")

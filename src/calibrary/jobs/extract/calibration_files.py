@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from enum import StrEnum
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Annotated, Final
@@ -32,9 +32,10 @@ from calibrary.jobs.diff.verdicts import ALARMING
 from calibrary.jobs.diff.wording import length, pixels
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.extraction import JudgedCamera
-from calibrary.jobs.extract.fallback import StepName, fits
+from calibrary.jobs.extract.fallback import StepName, fits, may_be_part
 from calibrary.jobs.files import choose, read_file
-from calibrary.jobs.weigh import NOMINAL, Source, Weighed, foreign, limit_between, weigh
+from calibrary.jobs.survey import Placed, Weighed, Who, limit_between, of_file
+from calibrary.jobs.weigh import NOMINAL, UNJUDGED_CENTRE, foreign
 from calibrary.parsers.format import Sure
 from calibrary.policy import Policy
 from calibrary.records import Meta, Record, replace
@@ -43,6 +44,7 @@ from calibrary.validation import Severity, Verdict
 
 if TYPE_CHECKING:
     from calibrary.jobs.diff.comparison import DiffReport
+    from calibrary.jobs.diff.numbers import Numbers
 
 USUAL: Final = frozenset(
     {".xml", ".yml", ".yaml", ".json", ".cal", ".txt", ".cam", ".opt", ".ini", ".toml", ".npy"}
@@ -200,7 +202,10 @@ class CheckedFile(Record):
         altitude_m: altitude above ground at which errors on the ground are stated.
         height_cm, max_cm: error of heights, and the largest error in position.
         pixels: check of its K against the pixels of some images; None if not requested.
+        answer: the verdict on the K in a few words, such as "is off by 1.57 %"; None if the message is all.
     """
+
+    _unwritten = frozenset({"answer"})
 
     file: str
     verdict: Rightness
@@ -216,6 +221,7 @@ class CheckedFile(Record):
     height_cm: float | None = None
     max_cm: float | None = None
     pixels: PixelCheck | None = None
+    answer: str | None = None
 
 
 def check_candidates(
@@ -224,25 +230,24 @@ def check_candidates(
     policy: Policy,
     altitude_m: float = ALTITUDE_M,
 ) -> list[CheckedFile]:
-    """Compare a file with every camera that it may belong to, using its calibration with the closest focal length."""
-    checked: list[CheckedFile] = []
-    for camera in cameras:
-        size = camera.camera.states[0].metadata.size
-        sized = [one for one in candidates.calibrations if fits(one, size)]
-        fitting = [one for one in sized if foreign(one, camera.camera.key) is None]
-        fitting = [one for one in fitting if one.grade.is_metric] or fitting
-        if fitting:
-            nearest = _nearest(fitting, camera, policy)
-            held = _held(candidates.label, nearest, camera, policy, altitude_m, of=len(fitting))
-            checked.append(_admitted(_by_pixels(held, nearest, camera, policy), nearest))
-    if checked:
-        return checked
+    """Compare a file with every camera that it may belong to, using its calibration with the closest focal length.
+
+    A camera whose images may be a part of the file's frame is asked only if no other has images of its shape.
+    """
+    for fitting in (fits, may_be_part):
+        checked = [
+            _checked(candidates.label, own, camera, policy, altitude_m)
+            for camera in cameras
+            if (own := _own(candidates, camera, fitting))
+        ]
+        if checked:
+            return checked
     first = candidates.calibrations[0]
     named = next((why for one in cameras if (why := foreign(first, one.camera.key)) is not None), None)
     whose = f" of {first.camera.model}" if first.camera.model else ""
     sizes = ", ".join(sorted({"{}×{}".format(*one.camera.states[0].metadata.size) for one in cameras}))
-    own = "{}×{}".format(*first.intrinsics.image_size)
-    message = named or f"it is for images{whose} of {own}, and no camera here has such ({sizes})"
+    its = "{}×{}".format(*first.intrinsics.image_size)
+    message = named or f"it is for images{whose} of {its}, and no camera here has such ({sizes})"
     if not cameras:
         message = "there are no images here to compare it with"
     held = CheckedFile(
@@ -253,6 +258,25 @@ def check_candidates(
         altitude_m=altitude_m,
     )
     return [_admitted(held, first)]
+
+
+def _own(
+    candidates: CalibrationsOfFile,
+    camera: JudgedCamera,
+    fitting: Callable[[Calibration, ImageSize], bool],
+) -> list[Calibration]:
+    """The calibrations of a file that may be of a camera, those that are more than a start if there are any."""
+    size, key = size_of(camera), camera.camera.key
+    own = [one for one in candidates.calibrations if fitting(one, size) and foreign(one, key) is None]
+    return [one for one in own if one.grade.is_metric] or own
+
+
+def _checked(
+    label: str, own: Sequence[Calibration], camera: JudgedCamera, policy: Policy, altitude_m: float
+) -> CheckedFile:
+    nearest = _nearest(own, camera, policy)
+    held = _held(label, nearest, camera, policy, altitude_m, of=len(own))
+    return _admitted(_by_pixels(held, nearest, camera, policy), nearest)
 
 
 def _admitted(held: CheckedFile, K: Calibration) -> CheckedFile:
@@ -279,12 +303,11 @@ def contradictions(
 
 def _nearest(fitting: Sequence[Calibration], camera: JudgedCamera, policy: Policy) -> Calibration:
     """The calibration with the focal length closest to what the images state."""
-    reference = _reference(camera)
-    stated = camera.camera.sources(policy)
-    fx = reference.intrinsics.fx if reference is not None else stated[0].fx if stated else None
-    if fx is None:
+    reference, stated = _reference(camera), camera.camera.survey(policy).claims
+    known = reference or (stated[0].calibration if stated else None)
+    if known is None:
         return fitting[0]
-    over_width = fx / size_of(camera)[0]
+    over_width = known.intrinsics.fx / known.intrinsics.image_size[0]
     return min(fitting, key=lambda one: abs(one.intrinsics.fx / one.intrinsics.image_size[0] - over_width))
 
 
@@ -299,7 +322,7 @@ def _by_pixels(held: CheckedFile, K: Calibration, camera: JudgedCamera, policy: 
     check = camera.look.check(K.scaled(size_of(camera)), policy.source_agreement)
     if check.verdict is PixelVerdict.CONTRADICTS:
         message = f"off by the pixels of {check.images} images: {check.figures}; {check.reason}"
-        return replace(held, pixels=check, verdict=Rightness.OFF, message=message)
+        return replace(held, pixels=check, verdict=Rightness.OFF, message=message, answer=f"is {message}")
     text = f"; the pixels of {check.images} images agree: {check.figures}"
     if check.verdict is PixelVerdict.CANNOT_TELL:
         text = f"; the pixels cannot tell: {check.reason}"
@@ -320,22 +343,21 @@ def _held(
     label: str, nearest: Calibration, camera: JudgedCamera, policy: Policy, altitude_m: float, *, of: int
 ) -> CheckedFile:
     """Weigh a file, the nearest ``of`` so many, against everything that states a K for these images."""
-    stated = Source.measured(label, nearest.scaled(size_of(camera)))
-    found = weigh(stated, camera.camera.sources(policy), camera.camera.key, policy)
+    claim = of_file(label, nearest)
+    found = camera.camera.survey(policy, claim).weigh(claim)
+    stated = found.ways[0]
     # Of what speaks for or against it, that which says most: what was measured, then what is known best.
-    speaking = [one.source for one in found.believed_against] or [*found.copies, *found.confirmed_by]
-    silent = [
-        one
-        for one in camera.camera.sources(policy)
-        if all(one.name != other.source.name for other in found.disbelieved)
-    ]
+    speaking = [one.one for one in found.believed] or [*found.copies, *found.confirmed_by]
     held_against = min(
-        speaking or silent, key=lambda one: (not one.is_measured, one.tolerance + one.rounding), default=None
+        speaking or found.near,
+        key=_says_least,
+        default=None,
     )
     base = CheckedFile(
         file=label,
         verdict=Rightness.UNKNOWN,
-        message=f"nothing in the images states a K to compare it with: {camera.camera.reason}",
+        message=_undecided(found)
+        or f"nothing in the images states a K to compare it with: {camera.camera.reason}",
         camera=camera.slug,
         fx=stated.fx,
         altitude_m=altitude_m,
@@ -348,41 +370,70 @@ def _held(
         message = (
             f"a start only, of grade {nearest.grade.value}{least}, and no K to use as it is: its fx is "
             f"{stated.fx:.2f} px, {_percent(stated.fx / held_against.fx - 1.0)} from the {held_against.fx:.2f} px by "
-            f"{held_against.name} of these images"
+            f"{held_against.claim.name} of these images"
         )
-        return replace(base, message=message, held_against=held_against.name, expected_fx=held_against.fx)
-    is_near = (
-        bool(speaking)
-        or max(held_against.tolerance, held_against.engraved) + held_against.rounding <= NOMINAL
-    )
-    doubt = camera.camera.doubt(nearest) or found.computed
-    is_right = is_near and doubt is None
-    verdict = Rightness.OFF if not found.may_be_used else Rightness.RIGHT if is_right else Rightness.UNKNOWN
-    base = replace(base, verdict=verdict, held_against=held_against.name, expected_fx=held_against.fx)
-    told = _in_numbers(base, stated, held_against, found, policy)
+        return replace(
+            base, message=message, held_against=held_against.claim.name, expected_fx=held_against.fx
+        )
+    doubt = camera.camera.doubt(nearest)
+    verdict = _rightness(found, held_against if not speaking else None, doubt)
+    base = replace(base, verdict=verdict, held_against=held_against.claim.name, expected_fx=held_against.fx)
+    told = _in_numbers(base, held_against, found, policy)
     return told if doubt is None else replace(told, message=f"{told.message}; {doubt}")
 
 
-def _in_numbers(
-    held: CheckedFile, stated: Source, other: Source, found: Weighed, policy: Policy
-) -> CheckedFile:
+def _says_least(one: Placed) -> tuple[bool, bool, float]:
+    claim = one.claim
+    return not claim.is_measured, claim.who is Who.CATALOGUE, claim.tolerance + claim.rounding
+
+
+def _rightness(found: Weighed, silent: Placed | None, doubt: str | None) -> Rightness:
+    """Off if something shows it, right if something tells and nothing doubts it.
+
+    Args:
+        found: the file among all that states a K for the images.
+        silent: the nearest to say something, if nothing confirms it.
+        doubt: what programs did to the images.
+    """
+    if found.believed or found.verdict is Verdict.REJECTED:
+        return Rightness.OFF
+    is_told = (
+        silent is None
+        or max(silent.claim.tolerance, silent.claim.engraved) + silent.claim.rounding <= NOMINAL
+    )
+    is_right = is_told and doubt is None and found.verdict is Verdict.VALID
+    return Rightness.RIGHT if is_right else Rightness.UNKNOWN
+
+
+def _undecided(found: Weighed) -> str | None:
+    """Why nothing tells, if that is not the other claims' part."""
+    grave = [one.message for one in found.findings if one.severity is Severity.UNPROVEN]
+    return grave[0] if grave and not found.believed else None
+
+
+def _in_numbers(held: CheckedFile, other: Placed, found: Weighed, policy: Policy) -> CheckedFile:
     """Add the difference in pixels and on the ground, and the sentence."""
     from calibrary.jobs.diff.comparison import compare  # noqa: PLC0415  rarely needed
 
     try:
-        comparison = compare(other.calibration, stated.calibration, policy)
+        comparison = compare(other.calibration, found.ways[0].calibration, policy)
     except (FrameError, CalibrationError, InputError) as error:
         message = error.message if isinstance(error, InputError) else str(error)
-        text = f"not comparable with {other.name} of these images: {message}"
+        text = f"not comparable with {other.claim.name} of these images: {message}"
         return replace(held, verdict=Rightness.OFF, message=text)
     numbers = comparison.detail
     if numbers is None:
         reasons = [one.reason for one in comparison.structural if one.kind in ALARMING]
-        return replace(held, message=f"{_word(held)}: {'; '.join(reasons) or comparison.reasons[-1]}")
+        message = f"{_word(held)}: {'; '.join(reasons) or comparison.reasons[-1]}"
+        return replace(
+            held, message=message, answer=f"is {message}" if held.verdict is Rightness.OFF else None
+        )
     ground = numbers.ground(held.altitude_m)
+    answer, detail = _told(held, numbers, comparison, other, found)
     return replace(
         held,
-        message=_message(held, comparison, other, found),
+        message=f"{answer}: {detail}" if detail else answer,
+        answer=f"cannot be used: {answer}" if held.verdict is Rightness.UNKNOWN else f"is {answer}",
         scale_change=numbers.scale.change,
         rms_px=numbers.difference.rms_px,
         max_px=numbers.difference.max_px,
@@ -403,35 +454,41 @@ def _reference(camera: JudgedCamera) -> Calibration | None:
     return camera.camera.calibration if camera.camera.verdict is Verdict.VALID else None
 
 
-def _message(held: CheckedFile, comparison: DiffReport, other: Source, found: Weighed) -> str:
-    """The verdict and the difference in one sentence."""
-    numbers = comparison.detail
-    if numbers is None:
-        return comparison.reasons[-1]
+def _told(
+    held: CheckedFile, numbers: Numbers, comparison: DiffReport, other: Placed, found: Weighed
+) -> tuple[str, str]:
+    """The verdict and the difference in a few words, and by what."""
     altitude_m, seen, ground = held.altitude_m, numbers.difference, numbers.ground(held.altitude_m)
     fx, expected = numbers.b.intrinsics.fx, numbers.a.intrinsics.fx
-    focal = f"fx is {fx:.2f} px, and {expected:.2f} px by {other.name} of these images"
-    height = length(abs(ground.height_cm) / 100)
-    remarks = "".join(f"; {one}" for one in found.remarks)
-    known = f"; they state it to ±{limit_between(found.source, other):.0%}"
+    focal = f"fx is {fx:.2f} px, and {expected:.2f} px by {other.claim.name} of these images"
+    height = f"{length(abs(ground.height_cm) / 100)} of height at {altitude_m:g} m"
+    off, most = _percent(numbers.scale.change), f"{pixels(seen.max_px)} at most"
+    remarks = "".join(f"; {one}" for one in _remarks(found))
+    known = f"; they state it to ±{limit_between(found.claim, other.claim):.0%}"
+    is_measured = other.claim.is_measured
     if held.verdict is Rightness.UNKNOWN:
-        return f"the images do not tell: {focal}{known}, which does not contradict it{remarks}"
+        why = _undecided(found) or f"{focal}{known}, which does not contradict it"
+        return "the images do not tell", f"{why}{remarks}"
     if held.verdict is Rightness.RIGHT:
-        lens = "" if numbers.lens_compared or not other.is_measured else "; it does not state the distortion"
-        within = f", {pixels(seen.max_px)} at most" if other.is_measured else known
-        near = f"right to {_percent(numbers.scale.change)}, {height} of height at {altitude_m:g} m"
-        return f"{near}: {focal}{within}{lens}{remarks}"
-    if found.reason is not None and not found.believed_against:
-        return f"off: {found.reason}, {pixels(seen.max_px)} at most over the frame"
-    if not other.is_measured:
-        off = f"off by {_percent(numbers.scale.change)}"
-        return f"{off}, {height} of height at {altitude_m:g} m: {focal}{known} ({other.why}){remarks}"
+        lens = "" if numbers.lens_compared or not is_measured else "; it does not state the distortion"
+        return f"right to {off}, {height}", f"{focal}{f', {most}' if is_measured else known}{lens}{remarks}"
+    if not found.believed:
+        return f"off: {found.findings[0].message}, {most} over the frame", ""
+    if not is_measured:
+        return f"off by {off}, {height}", f"{focal}{known}{remarks}"
     kinds = "".join(f"; {one.reason}" for one in comparison.structural if one.kind in ALARMING)
-    over = f"{pixels(seen.max_px)} at most over the frame, {length(ground.max_cm / 100)} on the ground"
+    over = f"{most} over the frame, {length(ground.max_cm / 100)} on the ground"
     if abs(numbers.scale.change) >= numbers.policy.drift_focal:
-        by_height = f"off by {_percent(numbers.scale.change)}, {height} of height at {altitude_m:g} m"
-        return f"{by_height}, and {over}: {focal}{kinds}{remarks}"
-    return f"off by {over} at {altitude_m:g} m: {focal}{kinds}{remarks}"
+        return f"off by {off}, {height}, and {over}", f"{focal}{kinds}{remarks}"
+    return f"off by {over} at {altitude_m:g} m", f"{focal}{kinds}{remarks}"
+
+
+def _remarks(found: Weighed) -> Iterator[str]:
+    """Who is disbelieved by whom, and what was not judged."""
+    yield from (one.message for one in found.disbelieved)
+    others = (*found.copies, *found.confirmed_by, *found.near, *(one.one for one in found.against))
+    if not any(one.claim.is_measured for one in others):
+        yield UNJUDGED_CENTRE
 
 
 def _percent(share: float) -> str:

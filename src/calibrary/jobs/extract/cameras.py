@@ -18,7 +18,9 @@ from calibrary.jobs.extract.knowledge import Knowledge, Known
 from calibrary.jobs.images.accumulator import ByDay, Flight, Names
 from calibrary.jobs.images.folders import SkippedFile
 from calibrary.jobs.images.observation import Seen, names_a_camera, path_order
-from calibrary.jobs.weigh import Source, of_images
+from calibrary.jobs.survey import Claim, Survey, of_entry, of_images
+from calibrary.jobs.weigh import Source
+from calibrary.jobs.weigh import of_images as all_of_images
 from calibrary.policy import Policy
 from calibrary.records import Record, replace
 from calibrary.validation import Report, Verdict
@@ -164,7 +166,14 @@ class Camera(Struct, frozen=True, kw_only=True):
 
     def sources(self, policy: Policy) -> tuple[Source, ...]:
         """Everything that states a K for its images: their tags, and the registry's entry."""
-        return of_images(self.evidence, self.key, policy, self.states[0].known.resolution)
+        return all_of_images(self.evidence, self.key, policy, self.states[0].known.resolution)
+
+    def survey(self, policy: Policy, *claims: Claim) -> Survey:
+        """All that states a K for its images: their tags, the catalogue, the registry's entry, and more claims."""
+        known = self.states[0].known.resolution
+        entry = (of_entry(known, policy),) if known is not None else ()
+        stated = (*of_images(self.evidence, self.key, policy), *entry, *claims)
+        return Survey(self.evidence.scene.metadata, stated, policy)
 
     @property
     def verdict(self) -> Verdict:

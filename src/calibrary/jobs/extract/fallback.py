@@ -19,6 +19,8 @@ from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intr
 from calibrary.distortion import NoDistortion
 from calibrary.errors import InputError, first_of
 from calibrary.evidence.context import Source
+from calibrary.evidence.metadata import ImageMetadata
+from calibrary.evidence.readings import readings
 from calibrary.image_size import is_resized
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.judging import validation_context
@@ -277,6 +279,11 @@ def _from_files(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
 def fits(calibration: Calibration, size: ImageSize) -> bool:
     """Whether a calibration is of images with the sides of these."""
     return is_resized(calibration.intrinsics.image_size, size)
+
+
+def may_be_part(calibration: Calibration, size: ImageSize) -> bool:
+    """Whether images may be a part of a calibration's frame, at its scale or a smaller one."""
+    return any(way.factor >= 1.0 for way in readings(calibration.intrinsics, ImageMetadata(size=size)))
 
 
 def _from_registry(camera: Camera, policy: Policy, sources: Sources) -> Attempt:

@@ -123,7 +123,7 @@ def of_catalogue(evidence: Evidence, camera: CameraKey, policy: Policy) -> Itera
     K = Intrinsics(fx=over_width * W, fy=over_width * W, cx=W / 2, cy=H / 2, image_size=(W, H))
     yield Claim(
         who=Who.CATALOGUE,
-        name=known.title,
+        name=f"the catalogue's {known.title}",
         calibration=Calibration(
             camera=camera,
             intrinsics=K,
@@ -157,14 +157,14 @@ def of_entry(found: Resolution, policy: Policy, *, rests_on: str | None = None) 
     )
 
 
-def of_file(name: str, calibration: Calibration, policy: Policy) -> Claim:
-    """A calibration file, at the size at which it states its K."""
+def of_file(name: str, calibration: Calibration, tolerance: float = 0.0) -> Claim:
+    """A calibration file, at the size at which it states its K; what is no measurement may be off by a tolerance."""
     is_measured = calibration.grade in MEASURED
     return Claim(
         who=Who.FILE,
         name=name,
         calibration=calibration,
-        tolerance=0.0 if is_measured else policy.source_agreement,
+        tolerance=0.0 if is_measured else tolerance,
         is_measured=is_measured,
         rests_on=frozenset({name}),
         voice=name,

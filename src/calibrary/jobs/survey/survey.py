@@ -58,6 +58,7 @@ class Weighed(Struct, frozen=True, kw_only=True):
         confirmed_by: the independent claims that confirm it.
         against: the claims that contradict it, those that are shown wrong among them.
         copies: the claims that have its numbers.
+        near: the claims that neither confirm nor contradict it.
     """
 
     claim: Claim
@@ -69,6 +70,7 @@ class Weighed(Struct, frozen=True, kw_only=True):
     confirmed_by: tuple[Placed, ...] = ()
     against: tuple[Against, ...] = ()
     copies: tuple[Placed, ...] = ()
+    near: tuple[Placed, ...] = ()
 
     @property
     def believed(self) -> tuple[Against, ...]:
@@ -132,6 +134,9 @@ class Survey:
             confirmed_by=tuple(confirming),
             against=tuple(against),
             copies=tuple(one for one in others if self._relation(one, K) is Relation.COPY),
+            near=tuple(
+                one for one in others if self._relation(one, K) in {Relation.COMPATIBLE, Relation.DEPENDENT}
+            ),
         )
 
     @cached_property
