@@ -211,7 +211,7 @@ def disagreements(answer: Answer, survey: Survey | None, policy: Policy) -> Iter
     yield from _firmware(answer, answer.resolution.entry)
     yield from _frame(answer, answer.resolution, weighed)
     for one in weighed.findings:
-        if one.rule in OF_K_ALONE:
+        if one.rule in OF_K_ALONE and one.severity is not Severity.PASS:
             yield _about(answer, Rule.UNLIKELY, Severity.ERROR, one.message, one.remedy)
     if weighed.settled is not Settled.AMBIGUOUS:
         yield from _contradictions(answer, answer.resolution, weighed, policy)

@@ -171,7 +171,7 @@ def _statements_of_file(
     others = []
     for answer in answers:
         own = [one for one in metric if foreign(one, answer.flown.key) is None]
-        claims = [of_file(file.label, one, policy) for one in own]
+        claims = [of_file(file.label, one, policy.source_agreement) for one in own]
         survey = answer.survey(policy, *claims)
         if survey is None:
             continue
@@ -190,7 +190,7 @@ def _statements_of_file(
     told, where = set[str](), quote(os.path.normpath(path))
     for answer, weighed in outcomes:
         id_ = answer.entry_id or ""
-        if weighed.verdict is Verdict.VALID or id_ in told or _is_of_entry(weighed):
+        if weighed.verdict is Verdict.VALID or weighed.computed or id_ in told or _is_of_entry(weighed):
             continue
         told.add(id_)
         if weighed.settled is Settled.AMBIGUOUS:

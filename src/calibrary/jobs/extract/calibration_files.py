@@ -35,7 +35,7 @@ from calibrary.jobs.extract.extraction import JudgedCamera
 from calibrary.jobs.extract.fallback import StepName, fits, may_be_part
 from calibrary.jobs.files import choose, read_file
 from calibrary.jobs.survey import Placed, Weighed, Who, limit_between, of_file
-from calibrary.jobs.weigh import NOMINAL, UNJUDGED_CENTRE, foreign
+from calibrary.jobs.weigh import NOMINAL, foreign
 from calibrary.parsers.format import Sure
 from calibrary.policy import Policy
 from calibrary.records import Meta, Record, replace
@@ -463,7 +463,7 @@ def _told(
     focal = f"fx is {fx:.2f} px, and {expected:.2f} px by {other.claim.name} of these images"
     height = f"{length(abs(ground.height_cm) / 100)} of height at {altitude_m:g} m"
     off, most = _percent(numbers.scale.change), f"{pixels(seen.max_px)} at most"
-    remarks = "".join(f"; {one}" for one in _remarks(found))
+    remarks = "".join(f"; {one}" for one in found.remarks)
     known = f"; they state it to ±{limit_between(found.claim, other.claim):.0%}"
     is_measured = other.claim.is_measured
     if held.verdict is Rightness.UNKNOWN:
@@ -481,14 +481,6 @@ def _told(
     if abs(numbers.scale.change) >= numbers.policy.drift_focal:
         return f"off by {off}, {height}, and {over}", f"{focal}{kinds}{remarks}"
     return f"off by {over} at {altitude_m:g} m", f"{focal}{kinds}{remarks}"
-
-
-def _remarks(found: Weighed) -> Iterator[str]:
-    """Who is disbelieved by whom, and what was not judged."""
-    yield from (one.message for one in found.disbelieved)
-    others = (*found.copies, *found.confirmed_by, *found.near, *(one.one for one in found.against))
-    if not any(one.claim.is_measured for one in others):
-        yield UNJUDGED_CENTRE
 
 
 def _percent(share: float) -> str:

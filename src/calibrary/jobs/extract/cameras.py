@@ -19,8 +19,6 @@ from calibrary.jobs.images.accumulator import ByDay, Flight, Names
 from calibrary.jobs.images.folders import SkippedFile
 from calibrary.jobs.images.observation import Seen, names_a_camera, path_order
 from calibrary.jobs.survey import Claim, Survey, of_entry, of_images
-from calibrary.jobs.weigh import Source
-from calibrary.jobs.weigh import of_images as all_of_images
 from calibrary.policy import Policy
 from calibrary.records import Record, replace
 from calibrary.validation import Report, Verdict
@@ -163,10 +161,6 @@ class Camera(Struct, frozen=True, kw_only=True):
             ]
         done = {f"the image was {edit}" for one in changed for edit in one.original.done}
         return next((told for edit, told in edits_of(self.states).items() if edit in done), None)
-
-    def sources(self, policy: Policy) -> tuple[Source, ...]:
-        """Everything that states a K for its images: their tags, and the registry's entry."""
-        return all_of_images(self.evidence, self.key, policy, self.states[0].known.resolution)
 
     def survey(self, policy: Policy, *claims: Claim) -> Survey:
         """All that states a K for its images: their tags, the catalogue, the registry's entry, and more claims."""

@@ -6,7 +6,7 @@ is not a K until it is refined; the fleet's registry. Every step is recorded, wh
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
 from shlex import quote
@@ -24,15 +24,16 @@ from calibrary.evidence.readings import readings
 from calibrary.image_size import is_resized
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.judging import validation_context
-from calibrary.jobs.extract.knowledge import Knowledge, Known
-from calibrary.jobs.weigh import MEASURED, Weighed, foreign, model_of, weigh
-from calibrary.jobs.weigh import Source as Stated
-from calibrary.jobs.weigh.use import allowed
+from calibrary.jobs.extract.knowledge import Knowledge
+from calibrary.jobs.survey import CATALOGUE, Claim, Survey, Weighed, Who, of_entry, of_file
+from calibrary.jobs.survey.words import edited
+from calibrary.jobs.weigh import MEASURED, foreign, model_of
+from calibrary.jobs.weigh.use import Allowed, allowed
 from calibrary.policy import Policy
 from calibrary.records import Record, replace
 from calibrary.registry.paths import id_of
 from calibrary.registry.resolution import Resolution
-from calibrary.validation import Finding, Report, Severity, Verdict, validate
+from calibrary.validation import Finding, Report, Severity, Verdict
 
 AGAINST_AN_ENTRY = frozenset({"focal-plausibility", "one-calibration"})
 """Rules that compare a K of the images with the entry, if there is one."""
@@ -104,12 +105,14 @@ class Fallback(Struct, frozen=True, kw_only=True):
         steps: all steps that were tried, in order.
         calibration: the K that is used, None if there is none.
         report: validation of that K.
+        use: what a solver may do with it.
         seed: initial values for a solver, never a K; None if a K is used.
     """
 
     steps: tuple[Step, ...]
     calibration: Calibration | None = None
     report: Report | None = None
+    use: Allowed | None = None
     seed: Calibration | None = None
 
     @property
@@ -162,7 +165,29 @@ def _known_focal(camera: Camera, policy: Policy) -> tuple[float, str] | None:
     return (fx, "35 mm equivalent by the diagonal") if fx is not None else None
 
 
-Attempt = tuple[Calibration | None, Report | None, Step]
+class Attempt(Struct, frozen=True, kw_only=True):
+    """Result of one step: what was tried, and the K that it gives, if it gives one."""
+
+    step: Step
+    calibration: Calibration | None = None
+    report: Report | None = None
+    use: Allowed | None = None
+
+    @property
+    def is_valid(self) -> bool:
+        """Whether it gives a K that is valid."""
+        return self.report is not None and self.report.verdict is Verdict.VALID
+
+    @property
+    def passed_over(self) -> Step:
+        """The step, refused for its own finding if it gives a K and another is used."""
+        if self.report is None:
+            return self.step
+        return replace(self.step, outcome=StepOutcome.REFUSED, why=self.report.failures[0].message)
+
+
+def _without(step: StepName, outcome: StepOutcome, why: str, source: str | None = None) -> Attempt:
+    return Attempt(step=Step(step=step, outcome=outcome, source=source, why=why))
 
 
 def fall_back(camera: Camera, policy: Policy, sources: Sources) -> Fallback:
@@ -175,29 +200,16 @@ def fall_back(camera: Camera, policy: Policy, sources: Sources) -> Fallback:
     attempts: list[Attempt] = []
     for attempt in (_explicit, _from_files, _from_registry):
         if attempt is _from_registry:
-            attempts.append((None, None, kept))
+            attempts.append(Attempt(step=kept))
         attempts.append(attempt(camera, policy, sources))
-        if not _is_unproven(attempts[-1]):
+        if attempts[-1].is_valid:
             break
-    with_k = [one for one in attempts if one[0] is not None]
-    used = min(with_k, key=_is_unproven) if with_k else None
-    steps = tuple(one[2] if one is used else _passed_over(one) for one in attempts)
+    with_k = [one for one in attempts if one.calibration is not None]
+    used = max(with_k, key=lambda one: one.is_valid) if with_k else None
+    steps = tuple(one.step if one is used else one.passed_over for one in attempts)
     if used is None:
         return Fallback(steps=steps, seed=start)
-    return Fallback(steps=steps, calibration=used[0], report=used[1])
-
-
-def _is_unproven(attempt: Attempt) -> bool:
-    """Whether a step gives no K, or only one that is unproven."""
-    return attempt[1] is None or attempt[1].verdict is not Verdict.VALID
-
-
-def _passed_over(attempt: Attempt) -> Step:
-    """The step, refused for its own finding if it gives a K and another is used."""
-    _, report, step = attempt
-    return (
-        step if report is None else replace(step, outcome=StepOutcome.REFUSED, why=report.failures[0].message)
-    )
+    return Fallback(steps=steps, calibration=used.calibration, report=used.report, use=used.use)
 
 
 def _initial(camera: Camera, policy: Policy) -> tuple[Calibration, Step]:
@@ -214,15 +226,15 @@ def _initial(camera: Camera, policy: Policy) -> tuple[Calibration, Step]:
 def _explicit(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
     size, name = camera.states[0].metadata.size, StepName.FALLBACK_K
     if sources.matrix is None:
-        return None, None, Step(step=name, outcome=StepOutcome.NOT_THERE, why="no --fallback-k given")
+        return _without(name, StepOutcome.NOT_THERE, "no --fallback-k given")
     source, for_frame = sources.matrix
     if sources.rivals.get(size, 0) > 1:
         why = f"{sources.rivals[size]} cameras of this size have no K, and one K cannot be of two cameras"
-        return None, None, Step(step=name, outcome=StepOutcome.REFUSED, source=source, why=why)
+        return _without(name, StepOutcome.REFUSED, why, source)
     try:
         intrinsics = for_frame(size)
     except InputError as error:
-        return None, None, Step(step=name, outcome=StepOutcome.REFUSED, source=source, why=error.message)
+        return _without(name, StepOutcome.REFUSED, error.message, source)
     calibration = Calibration(
         camera=camera.key,
         intrinsics=intrinsics,
@@ -231,7 +243,7 @@ def _explicit(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
             kind="matrix-file", source=source, assumptions=("the K given is this camera's",)
         ),
     )
-    return _judged(camera, calibration, policy, name, source)
+    return _judged(camera, of_file(source, calibration), policy, name)
 
 
 def _from_files(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
@@ -241,7 +253,7 @@ def _from_files(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
     if sized and not fitting:
         source, other = sized[0]
         why = foreign(other, camera.key) or ""
-        return None, None, Step(step=name, outcome=StepOutcome.REFUSED, source=source, why=why)
+        return _without(name, StepOutcome.REFUSED, why, source)
     if not fitting:
         why = "no calibration file for this image size is beside the images"
         if sources.unreadable:
@@ -249,7 +261,7 @@ def _from_files(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
         elif sources.files:
             sizes = sorted({"{}×{}".format(*c.intrinsics.image_size) for _, c in sources.files})
             why += f" (found for {first_of(sizes)})"
-        return None, None, Step(step=name, outcome=StepOutcome.NOT_THERE, why=why)
+        return _without(name, StepOutcome.NOT_THERE, why)
     # A file that an earlier run wrote for a solver says so; it is not a new measurement of this camera.
     measured = [(source, c) for source, c in fitting if c.grade in {Grade.CALIBRATED, Grade.ADJUSTED}]
     if not measured:
@@ -258,7 +270,7 @@ def _from_files(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
             f"its K is {calibration.grade}, written by an earlier run, and not measured; "
             "provide a measured calibration"
         )
-        return None, None, Step(step=name, outcome=StepOutcome.REFUSED, source=source, why=why)
+        return _without(name, StepOutcome.REFUSED, why, source)
     # Of two sizes, what was measured at that of changed images has no rival in what cannot be shown to be of them.
     measured = [(source, c) for source, c in measured if camera.doubt(c) is None] or measured
     source, calibration = measured[0]
@@ -266,14 +278,13 @@ def _from_files(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
     if different > 1:
         files = first_of(dict.fromkeys(source for source, _ in measured))
         why = f"{different} different calibrations fit images of this size: {files}; keep one"
-        return None, None, Step(step=name, outcome=StepOutcome.REFUSED, why=why)
+        return _without(name, StepOutcome.REFUSED, why)
     model = model_of(calibration)
     if sources.rivals.get(size, 0) > 1 and (model is None or camera.key.model is None):
         whose = "the file does not state its camera" if model is None else "these images do not state theirs"
         why = f"{sources.rivals[size]} cameras of this size have no K, and {whose}"
-        return None, None, Step(step=name, outcome=StepOutcome.REFUSED, source=source, why=why)
-    scaled = replace(calibration.scaled(size), camera=camera.key)
-    return _judged(camera, scaled, policy, name, source, measured=calibration)
+        return _without(name, StepOutcome.REFUSED, why, source)
+    return _judged(camera, of_file(source, calibration), policy, name, camera.doubt(calibration))
 
 
 def fits(calibration: Calibration, size: ImageSize) -> bool:
@@ -289,31 +300,31 @@ def may_be_part(calibration: Calibration, size: ImageSize) -> bool:
 def _from_registry(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
     name = StepName.REGISTRY
     if not sources.knowledge.has_registry:
-        return None, None, Step(step=name, outcome=StepOutcome.NOT_THERE, why="no registry is used")
-    found = [state.known.calibration for state in camera.states]
-    resolved = found[0]
-    if len({K.provenance.source if K is not None else None for K in found}) > 1:
+        return _without(name, StepOutcome.NOT_THERE, "no registry is used")
+    given = [state.known.calibration for state in camera.states]
+    resolved = given[0]
+    if len({K.provenance.source if K is not None else None for K in given}) > 1:
         why = (
             "the registry has entries by firmware, and the images of this camera are of several; "
             "put each firmware's images into a separate folder"
         )
-        return None, None, Step(step=name, outcome=StepOutcome.REFUSED, why=why)
+        return _without(name, StepOutcome.REFUSED, why)
     known = camera.states[0].known
     if resolved is None or known.resolution is None:
         why = f"the registry has no approved entry for {camera.key}"
         why += "".join(f"; {near.path} does not apply: {near.reason}" for near in known.near[:2])
-        return None, None, Step(step=name, outcome=StepOutcome.NOT_THERE, why=why)
+        return _without(name, StepOutcome.NOT_THERE, why)
     is_metric = camera.calibration is not None and camera.calibration.grade.is_metric
     failed = {finding.rule for finding in camera.report.failures} if camera.report is not None else set()
     if is_metric and camera.verdict is Verdict.UNPROVEN and failed & AGAINST_AN_ENTRY:
         why = "it contradicts what these images state, and one of the two is wrong"
-        step = Step(step=name, outcome=StepOutcome.REFUSED, source=resolved.provenance.source, why=why)
-        return None, None, step
-    own, source = known.resolution.entry.calibration, resolved.provenance.source
-    calibration, report, step = _judged(camera, resolved, policy, name, source, measured=own)
-    if step.outcome is StepOutcome.TAKEN:
-        step = replace(step, why=f"{step.why}; {_chosen(known.resolution, resolved)}")
-    return calibration, report, step
+        return _without(name, StepOutcome.REFUSED, why, resolved.provenance.source)
+    claim, doubt = of_entry(known.resolution, policy), camera.doubt(known.resolution.entry.calibration)
+    found = _judged(camera, claim, policy, name, doubt)
+    step = replace(found.step, source=resolved.provenance.source)
+    if found.calibration is not None:
+        step = replace(step, why=f"{step.why}; {_chosen(known.resolution, found.calibration)}")
+    return replace(found, step=step)
 
 
 def outranking(camera: Camera, policy: Policy, sources: Sources) -> Fallback | None:
@@ -328,16 +339,15 @@ def outranking(camera: Camera, policy: Policy, sources: Sources) -> Fallback | N
         return None
     if isinstance(own.distortion, NoDistortion):
         return None  # The camera has removed the distortion that the entry describes.
-    calibration, report, step = _from_registry(camera, policy, sources)
-    known = camera.states[0].known.resolution
-    if calibration is None or report is None or known is None or calibration.grade not in MEASURED:
-        return None
-    if report.verdict is not Verdict.VALID:
+    found, known = _from_registry(camera, policy, sources), camera.states[0].known.resolution
+    calibration = found.calibration
+    if not found.is_valid or calibration is None or known is None or calibration.grade not in MEASURED:
         return None
     apart = own.intrinsics.fx / calibration.intrinsics.fx - 1.0
     why = f"it was measured ({calibration.grade}), and {own.provenance.tag} of the images agrees to {abs(apart):.2%}"
     why = f"{why}; {_chosen(known, calibration)}"
-    return Fallback(steps=(replace(step, why=why),), calibration=calibration, report=report)
+    step = replace(found.step, why=why)
+    return Fallback(steps=(step,), calibration=calibration, report=found.report, use=found.use)
 
 
 def _chosen(known: Resolution, used: Calibration) -> str:
@@ -355,17 +365,17 @@ def moved(camera: Camera, policy: Policy, root: Path) -> Camera:
     if own is None or camera.report is None or own.grade not in MEASURED or known is None:
         return camera
     image = quote(str(root / camera.names[0]))
-    entry = Stated.of_entry(known, policy)
-    own_name = own.provenance.tag or own.provenance.kind
-    weighed = weigh(Stated.measured(own_name, own), [entry] if entry.is_measured else [], own.camera, policy)
-    if weighed.may_be_used:
+    entry, mine = of_entry(known, policy), of_file(own.provenance.tag or own.provenance.kind, own)
+    claims = [mine, entry] if entry.is_measured else [mine]
+    against = Survey(camera.evidence.scene.metadata, claims, policy).weigh(mine).against
+    if not against:
         return camera
     one_unit = own.camera.serial is not None and own.camera.serial == known.entry.calibration.camera.serial
     whose = "this unit's K moved" if one_unit else "K moved, or the entry is of another unit"
     finding = Finding(
         rule="one-calibration",
         severity=Severity.UNPROVEN if one_unit else Severity.WARNING,
-        message=f"beside {own_name} of these images, {id_of(known.path)} {weighed.contradicted_by[0].message}; {whose}",
+        message=f"beside {mine.name} of these images, {against[0].message}; {whose}",
         remedy=f"calibrary diff {id_of(known.path)} {image} compares them in this registry; approve the right one",
     )
     # The distance of two measurements says more than the percentage of the policy's rules.
@@ -382,19 +392,20 @@ def proposed_against(camera: Camera, used: Calibration | None, policy: Policy) -
     if found is None or used is None:
         return None
     K = used.intrinsics
-    stated = next((one for one in camera.sources(policy) if one.calibration.intrinsics == K), None)
-    own = stated or Stated.measured(used.provenance.tag or used.provenance.kind, used)
-    against = weigh(own, [Stated.of_entry(found, policy)], used.camera, policy).contradicted_by
+    proposed, survey = of_entry(found, policy), camera.survey(policy)
+    stated = next((one for one in survey.placed if one.calibration.intrinsics == K), None)
+    own = stated.claim if stated is not None else of_file(used.provenance.tag or used.provenance.kind, used)
+    against = Survey(survey.metadata, [own, proposed], policy).weigh(own).against
     may, its = allowed(found.calibration, policy), found.calibration.intrinsics
     off = its.fx / K.fx - 1.0
     if against:
-        said = against[0].message
+        told = against[0].message
     elif not own.is_measured and may.sigma_focal and abs(off) > 3.0 * may.sigma_focal:
-        said = f"states fx = {its.fx:.1f} px, {off:+.1%}, and is the better start"
+        told = f"it states fx = {its.fx:.1f} px, {off:+.1%}, and is the better start"
     else:
         return None
     return (
-        f"{id_of(found.path)} is proposed and not approved, so not used; beside {own.name} of these images it {said} "
+        f"{id_of(found.path)} is proposed and not approved, so not used; beside {own.name} of these images {told} "
         f"({may.use}: {may.why}); 'calibrary registry show {found.path}' shows it, 'approve' puts it in use"
     )
 
@@ -410,92 +421,72 @@ def by_pixels(camera: Camera, fallback: Fallback | None, measured: Calibration, 
         measured: K by the pixels.
         policy: the limits.
     """
-    edited = any(state.original.done for state in camera.states)
-    if edited:
-        camera = replace(camera, evidence=replace(camera.evidence, estimates=()))
-        camera = replace(
-            camera,
-            judged=tuple(replace(one, state=replace(one.state, known=Known())) for one in camera.judged),
-        )
     own = replace(measured, camera=camera.key)
-    source = measured.provenance.tag
-    calibration, report, step = _judged(camera, own, policy, StepName.PIXELS, source)
-    steps = (*(fallback.steps if fallback is not None else ()), step)
-    if calibration is None or report is None or report.verdict is not Verdict.VALID:
-        if step.outcome is StepOutcome.TAKEN and report is not None:
-            step = replace(step, outcome=StepOutcome.KEPT_AS_SEED, why=report.failures[0].message)
-        return Fallback(steps=(*steps[:-1], step), seed=own)
-    return Fallback(steps=steps, calibration=calibration, report=report)
+    claim = of_file(measured.provenance.tag or StepName.PIXELS.value, own)
+    edited = any(state.original.done for state in camera.states)
+    survey = Survey(camera.evidence.scene.metadata, [claim], policy) if edited else None
+    found = _judged(camera, claim, policy, StepName.PIXELS, survey=survey)
+    steps, step = fallback.steps if fallback is not None else (), found.step
+    if not found.is_valid:
+        if step.outcome is StepOutcome.TAKEN:
+            step = replace(found.passed_over, outcome=StepOutcome.KEPT_AS_SEED)
+        return Fallback(steps=(*steps, step), seed=own)
+    return Fallback(steps=(*steps, step), calibration=found.calibration, report=found.report, use=found.use)
 
 
 def _judged(
     camera: Camera,
-    calibration: Calibration,
+    claim: Claim,
     policy: Policy,
     name: StepName,
-    source: str | None,
-    measured: Calibration | None = None,
+    doubt: str | None = None,
+    *,
+    survey: Survey | None = None,
 ) -> Attempt:
-    """Weigh a fallback against the images' own sources and the entry, and validate it; if it fails, it is not used.
+    """Weigh a fallback among all that states a K for the images; if it fails, it is not used.
 
-    What was ``measured`` on other images is not of images that a program changed since.
+    Args:
+        camera: without a valid K.
+        claim: the fallback.
+        policy: the limits.
+        name: of the step.
+        doubt: what was done to the images since, so that a K that was measured on others may not be of them.
+        survey: of the images, with the claim; None for all that states a K for them.
     """
-    doubt = camera.doubt(measured) if measured is not None else None
-    around = validation_context(camera.evidence, camera.states[0].known)
-    around = replace(
-        around,
-        others=(),
-        weighed=False,
-        sensor_assumed=False,
-        sensor_given=False,
-        no_focal=None,
-        zoom=1.0,
-        edits=(doubt,) if doubt is not None else (),
-        focal_mm=None,
-        spread=None,
-    )
-    weighed = _weighed(camera, calibration, policy, name, source)
-    if weighed is not None and around.expected is not None and around.expected.entry is not None:
-        # What is known of the entry is in the weighing, which may disbelieve it.
-        around = replace(around, expected=None)
-    report = validate(calibration, policy, around)
-    report = replace(report, findings=(*_contradicted(weighed), *report.findings))
-    # An unproven fallback can replace a rejected K, but is no better than an unproven one.
-    needed = {Verdict.VALID} if camera.verdict is Verdict.UNPROVEN else {Verdict.VALID, Verdict.UNPROVEN}
-    why = report.failures[0].message if report.verdict not in needed else None
-    if why is not None and (unlikely := admission(calibration)) is not None:
-        why = unlikely.message
+    if survey is None:
+        survey = camera.survey(policy, *(() if claim.who is Who.ENTRY else (claim,)))
+        claim = next(one for one in survey.claims if one.who is claim.who)
+    weighed = survey.weigh(claim)
+    if not weighed.ways:
+        return _without(name, StepOutcome.REFUSED, weighed.use.why, claim.name)
+    calibration = replace(weighed.ways[0].calibration, camera=camera.key)
+    doubted = (edited(doubt, policy),) if doubt is not None else ()
+    report = Report(policy=policy.name, findings=(*weighed.findings, *doubted))
+    why = _why_refused(camera, weighed, report)
     if why is not None and why == doubt:
         why = "nothing shows that what it describes is left in images that a program changed"
-    if weighed is not None and weighed.computed is not None:
-        why = weighed.computed
     if camera.evidence.scene.is_fisheye and isinstance(calibration.distortion, NoDistortion | None):
         why = "a fisheye lens needs its distortion, and this K has none; provide the whole calibration"
     if why is not None:
-        return None, None, Step(step=name, outcome=StepOutcome.REFUSED, source=source, why=why)
-    said = "; ".join(("passes the policy", *(weighed.remarks if weighed is not None else ())))
-    return calibration, report, Step(step=name, outcome=StepOutcome.TAKEN, source=source, why=said)
+        return _without(name, StepOutcome.REFUSED, why, claim.name)
+    said = "; ".join(("passes the policy", *weighed.remarks))
+    step = Step(step=name, outcome=StepOutcome.TAKEN, source=claim.name, why=said)
+    return Attempt(step=step, calibration=calibration, report=report, use=weighed.use)
 
 
-def _weighed(
-    camera: Camera, calibration: Calibration, policy: Policy, name: StepName, source: str | None
-) -> Weighed | None:
-    """Weigh a fallback by everything else that states a K, whether or not that gives one itself."""
-    if not policy.independent_sources_settle:
+def _why_refused(camera: Camera, weighed: Weighed, report: Report) -> str | None:
+    """Why a fallback is not used; None if it is.
+
+    An unproven one can replace a rejected K, but is no better than an unproven one, and none if it was computed or
+    what is known of the camera shows it wrong.
+    """
+    is_known_wrong = weighed.claim.who is Who.FILE and any(
+        CATALOGUE in one.one.claim.rests_on for one in weighed.believed
+    )
+    needed = {Verdict.VALID}
+    if camera.verdict is Verdict.REJECTED and weighed.computed is None and not is_known_wrong:
+        needed.add(Verdict.UNPROVEN)
+    if report.verdict in needed:
         return None
-    sources = camera.sources(policy)
-    if name is not StepName.REGISTRY:
-        return weigh(Stated.measured(source or name.value, calibration), sources, camera.key, policy)
-    # An entry of the registry was found by the images' key, which it need not repeat.
-    entry = sources[-1]
-    return weigh(replace(entry, calibration=calibration), sources[:-1], calibration.camera, policy)
-
-
-def _contradicted(weighed: Weighed | None) -> Iterator[Finding]:
-    if weighed is not None and not weighed.may_be_used:
-        yield Finding(
-            rule="source-agreement",
-            severity=Severity.UNPROVEN,
-            message=f"fx = {weighed.source.fx:.1f} px is contradicted: {weighed.reason}",
-            remedy="find out which of the two is right: 'calibrary check' with --verify asks the pixels",
-        )
+    unlikely = admission(weighed.ways[0].calibration)
+    return unlikely.message if unlikely is not None else report.failures[0].message

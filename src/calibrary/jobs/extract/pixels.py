@@ -23,6 +23,9 @@ from calibrary.sfm.alterations import Claim, Kind, focal_altered
 from calibrary.sfm.pixel_check import CentreCheck, DistortionCheck, PixelCheck, PixelVerdict
 from calibrary.validation import Finding, Report, Severity, Verdict, lacks_confirmation
 
+OF_OTHERS: Final = frozenset({"source-agreement", "contradicted"})
+"""Rules on what contradicts K."""
+
 Verified = tuple[Camera, Fallback | None, PixelCheck | None, Look | None]
 
 
@@ -158,7 +161,7 @@ def _decided(finding: Finding, check: PixelCheck) -> Finding:
     """A finding that pixels which agree with K settle: that it stands alone, or that a tag contradicts it."""
     if lacks_confirmation(finding):
         return _confirmed(finding, check)
-    if finding.rule == "source-agreement" and finding.severity in {Severity.UNPROVEN, Severity.ERROR}:
+    if finding.rule in OF_OTHERS and finding.severity in {Severity.UNPROVEN, Severity.ERROR}:
         message = f"{finding.message}; the pixels of {check.images} images agree with K, and not with it"
         return replace(finding, severity=Severity.NOTE, message=message, remedy=None)
     return finding

@@ -57,7 +57,7 @@ from calibrary.jobs.images.reading import (
     here,
     read_images,
 )
-from calibrary.jobs.weigh.use import allowed
+from calibrary.jobs.weigh.use import Allowed, allowed
 from calibrary.policy import FLEET, Policy
 from calibrary.policy_file import policy_of
 from calibrary.progress import Progress, counted, log, stage
@@ -218,15 +218,7 @@ def judge_images(reading: Reading, listing: Listing, by: Judging) -> ExtractRepo
         _report(slug, camera, by, sources, listing)
         for slug, camera in zip(slugs_of(cameras), cameras, strict=True)
     )
-    reports = tuple(
-        replace(
-            one,
-            use=allowed(
-                one.calibration, by.policy, is_valid=one.verdict is Verdict.VALID, resaved=_is_resaved(one)
-            ),
-        )
-        for one in judged
-    )
+    reports = tuple(replace(one, use=_use(one, by.policy)) for one in judged)
     is_good = bool(reports) and not rejected and all(one.verdict is Verdict.VALID for one in reports)
     more_rejected = images.unread.count - len(images.unread.listed)
     return ExtractReport(
@@ -375,6 +367,14 @@ def _report(slug: str, camera: Camera, by: Judging, sources: Sources, listing: L
         camera, fall_back, listing=listing, policy=by.policy, progress=by.progress
     )
     return JudgedCamera(slug=slug, camera=camera, fallback=fallback, pixels=check, look=found)
+
+
+def _use(one: JudgedCamera, policy: Policy) -> Allowed:
+    """What a solver may do with the K that is used."""
+    fallback = one.fallback.use if one.fallback is not None else None
+    if fallback is not None and one.verdict is Verdict.VALID:
+        return fallback
+    return allowed(one.calibration, policy, is_valid=one.verdict is Verdict.VALID, resaved=_is_resaved(one))
 
 
 def _is_resaved(one: JudgedCamera) -> bool:

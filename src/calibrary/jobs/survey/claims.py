@@ -37,6 +37,10 @@ OF_WHOLE_FRAME: Final = frozenset({Tag.LISTED_SENSOR, Tag.FULL_FRAME, Tag.FOCAL_
 """What states a focal length of the whole frame, whatever its size in px."""
 
 
+CATALOGUE: Final = "catalogue"
+"""Input of what is known of a camera by its name."""
+
+
 class Who(StrEnum):
     """What a claim comes from."""
 
@@ -131,8 +135,8 @@ def of_catalogue(evidence: Evidence, camera: CameraKey, policy: Policy) -> Itera
             provenance=Provenance(kind="catalogue", tag=known.title),
         ),
         tolerance=max(known_tolerance(policy), known.spread or 0.0),
-        rests_on=frozenset({"catalogue"}),
-        voice="catalogue",
+        rests_on=frozenset({CATALOGUE}),
+        voice=CATALOGUE,
     )
 
 

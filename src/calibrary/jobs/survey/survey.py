@@ -27,6 +27,8 @@ OF_K_ALONE: Final = frozenset(
     {"focal-symmetry", "principal-point-drift", "zero-skew", "distortion-monotonic"}
 )
 """Rules that ask of nothing but K."""
+BAND: Final = "focal-plausibility"
+"""The rule of what lenses in general have, for a K that nothing confirms."""
 
 
 class Against(Struct, frozen=True, kw_only=True):
@@ -85,9 +87,15 @@ class Weighed(Struct, frozen=True, kw_only=True):
     @property
     def computed(self) -> str | None:
         """The name of the tag whose numbers a K has that is called measured and that nothing confirms; None if none."""
-        if not self.claim.is_measured or self.confirmed_by:
-            return None
-        return next((one.claim.name for one in self.copies if not one.claim.is_measured), None)
+        return _computed(self.claim, self.confirmed_by, self.copies)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a reader of the answer should know besides: who is disbelieved by whom, and what was not judged."""
+        others = (*self.copies, *self.confirmed_by, *self.near, *(one.one for one in self.against))
+        is_judged = any(one.claim.is_measured for one in others)
+        said = (one.message for one in self.disbelieved)
+        return (*said, *(() if is_judged else (words.UNJUDGED_CENTRE,)))
 
     @property
     def calibration(self) -> Calibration | None:
@@ -123,7 +131,11 @@ class Survey:
             for one in others
             if self._relation(one, K) is Relation.CONTRADICTS
         ]
-        findings = sorted(self._findings(K, against), key=lambda one: -[*Severity].index(one.severity))
+        copies = [one for one in others if self._relation(one, K) is Relation.COPY]
+        computed = _computed(claim, confirming, copies)
+        findings = sorted(
+            self._findings(K, against, confirming, computed), key=lambda one: -[*Severity].index(one.severity)
+        )
         return Weighed(
             claim=claim,
             ways=K.ways,
@@ -133,7 +145,7 @@ class Survey:
             findings=tuple(findings),
             confirmed_by=tuple(confirming),
             against=tuple(against),
-            copies=tuple(one for one in others if self._relation(one, K) is Relation.COPY),
+            copies=tuple(copies),
             near=tuple(
                 one for one in others if self._relation(one, K) in {Relation.COMPATIBLE, Relation.DEPENDENT}
             ),
@@ -141,7 +153,7 @@ class Survey:
 
     @cached_property
     def placed(self) -> tuple[Placed, ...]:
-        """The claims at the size of the images."""
+        """Every claim at the size of the images; those that no reading brings there are left out."""
         return place(self.claims, self.metadata, self._says)
 
     def _says(self, one: Placed, K: Placed) -> bool | None:
@@ -187,17 +199,27 @@ class Survey:
                 return ()
         return K.claim.name, against[0].claim.name
 
-    def _findings(self, K: Placed, against: Sequence[Against]) -> Iterator[Finding]:
-        for one in validate(K.calibration, self.policy).failures:
-            if one.rule in OF_K_ALONE:
+    def _findings(
+        self, K: Placed, against: Sequence[Against], confirming: Sequence[Placed], computed: str | None
+    ) -> Iterator[Finding]:
+        settles = self.policy.independent_sources_settle
+        for one in validate(K.calibration, self.policy).findings:
+            if one.rule in OF_K_ALONE or (one.rule == BAND and not (settles and confirming)):
                 yield one
+        if settles:
+            yield from self._others(K, against, computed)
+        for done in self._done_to(K):
+            yield words.edited(f"the image was {done}: nothing shows that this K describes it", self.policy)
+
+    def _others(self, K: Placed, against: Sequence[Against], computed: str | None) -> Iterator[Finding]:
+        """What the other claims say against it."""
         for other in against:
             if not other.shown_by:
                 yield words.contradicted(K, other.one, other.message, other.limit)
         if K.settled is Settled.AMBIGUOUS:
             yield words.frame_unknown(K, [one for one in self.placed if one.claim.is_kept])
-        for done in self._done_to(K):
-            yield words.edited(done)
+        if computed is not None:
+            yield words.computed(computed)
 
     def _done_to(self, K: Placed) -> tuple[str, ...]:
         """What programs did to the images that K, which was measured on others, may not describe.
@@ -228,6 +250,13 @@ class Survey:
         elif made is not None and now is not None and made != now and not is_framed:
             why = f"it was measured with firmware {made}, and {now} may use another part of the sensor"
         return found if why is None else replace(found, use=Use.START, why=why)
+
+
+def _computed(claim: Claim, confirming: Sequence[Placed], copies: Sequence[Placed]) -> str | None:
+    """The name of the tag whose numbers a K has that is called measured; None if it is, or something confirms it."""
+    if not claim.is_measured or confirming:
+        return None
+    return next((one.claim.name for one in copies if not one.claim.is_measured), None)
 
 
 def _verdict(findings: Sequence[Finding]) -> Verdict:

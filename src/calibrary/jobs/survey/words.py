@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Final
 
 from calibrary.errors import CalibraryError, InputError
 from calibrary.jobs.survey.placing import Placed
 from calibrary.policy import Policy
-from calibrary.validation import EDITED, Finding, Severity
+from calibrary.validation import EDITED, GIVE_FILES, Finding, Severity
 
-REGISTER: str = "calibrate this image size, and register it"
+UNJUDGED_CENTRE: Final = "the principal point was not judged"
+REGISTER: Final = "calibrate this image size, and register it"
 
 
 def said(K: Placed, one: Placed, limit: float, policy: Policy) -> str:
@@ -76,11 +78,21 @@ def not_this_frame(name: str) -> Finding:
     )
 
 
-def edited(done: str) -> Finding:
+def computed(tag: str) -> Finding:
+    """A K that is called measured has the numbers of a tag, and nothing confirms it."""
+    return Finding(
+        rule="computed",
+        severity=Severity.UNPROVEN,
+        message=f"its numbers are those of {tag}, so it was computed, and not measured",
+        remedy="provide a measured calibration",
+    )
+
+
+def edited(message: str, policy: Policy) -> Finding:
     """A program changed the images since the camera wrote them."""
     return Finding(
         rule=EDITED,
-        severity=Severity.UNPROVEN,
-        message=f"the image was {done}: nothing shows that this K describes it",
-        remedy="provide the original files from the camera",
+        severity=Severity.UNPROVEN if policy.assumed_sensor_is_unproven else Severity.WARNING,
+        message=message,
+        remedy=GIVE_FILES,
     )
