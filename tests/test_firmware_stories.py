@@ -52,7 +52,7 @@ def test_an_update_that_changes_the_focal_length_by_a_thousandth_raises_the_alar
     assert found.numbers is not None
     assert found.numbers.focal_change == pytest.approx(0.001, rel=0.25)
     assert found.detail is not None
-    assert found.detail.spread_a.is_measured
+    assert found.detail.spread_a.covariance is not None
 
 
 def test_calibrating_once_more_raises_none() -> None:

@@ -318,6 +318,8 @@ def cropped_and_resized(a: Calibration) -> Sides:
 
 def turned(a: Calibration) -> Sides:
     K = a.intrinsics
+    if isinstance(a.distortion, SplinedStereographic):
+        return None
     width, height = K.image_size
     lens = {name: -value if name in EVEN else value for name, value in lens_of(a).items()}
     return a, with_lens(with_k(a, cx=width - K.cx, cy=height - K.cy), **lens)

@@ -140,6 +140,7 @@ def test_what_a_model_fixes_is_exact_and_not_unknown(lean: bool) -> None:
     one = drawn(camera(distortion=BrownConrady(k1=LENS.k1, k2=LENS.k2, p1=0, p2=0, k3=0)), 5, names=names)
     numbers = numbers_of(one, on(drawn(with_focal(0.0), 6), "2026-01-01"))
     assert numbers.basis is Basis.BOTH
+    assert numbers.spread_a.covariance is not None
     assert numbers.spread_a.covariance.std["k3"] == (0.0 if lean else pytest.approx(6e-4))
 
 
@@ -299,3 +300,11 @@ def test_the_better_known_of_two_is_recommended() -> None:
     assert compare(a, b).use is Use.B
     assert "3.0 times better" in compare(b, a).advice
     assert compare(b, a).use is Use.A
+
+
+def test_halves_of_one_session_are_one_camera_as_far_as_their_noise_goes() -> None:
+    a, b = drawn(camera(), 43, 120), drawn(camera(), 44, 120)
+    found = compare(a, b)
+    assert found.numbers is not None
+    assert found.numbers.projection.rms_px > 0.01 * 5472 / 10
+    assert (found.structural, found.alarm) == ((), False)

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from calibrary.calibration import Calibration
-from calibrary.errors import FrameError, InputError
+from calibrary.errors import InputError
 from calibrary.jobs.diff.frames import check_units, common_frame
+from calibrary.jobs.diff.verdicts import Kind
 from tests.jobs.diff.cameras import camera, changed
 
 
@@ -41,15 +42,24 @@ def test_one_camera_is_itself_again_in_the_frame_of_its_mode(
     same(back.a, back.b)
 
 
-def test_a_frame_turned_by_90_degrees_is_refused() -> None:
+def test_a_part_off_the_middle_is_compared_where_its_principal_point_puts_it() -> None:
+    later = camera().cropped((1472, 648, 4000, 3000))
+    frame = common_frame(camera(), later)
+    assert frame.steps == ("A cropped 5472×3648 → 4000×3000 at (1472, 648)",)
+    same(frame.a, frame.b)
+
+
+def test_a_part_whose_principal_point_moved_by_less_than_its_noise_is_of_the_middle() -> None:
+    later = camera().cropped((0, 285, 5472, 3078))
+    frame = common_frame(camera(), changed(later, cy=later.intrinsics.cy + 2.0))
+    assert frame.steps == ("A cropped 5472×3648 → 5472×3078 about its centre",)
+
+
+def test_a_frame_turned_by_90_degrees_has_no_frame_in_common() -> None:
     turned = changed(camera(), image_size=(3648, 5472))  # type: ignore[arg-type]  # a size
-    with pytest.raises(FrameError, match="turned by 90°"):
-        common_frame(camera(), turned)
-
-
-def test_a_frame_that_cannot_be_a_part_of_the_other_is_refused() -> None:
-    with pytest.raises(FrameError, match="neither"):
-        common_frame(changed(camera(), image_size=(4000, 1000)), changed(camera(), image_size=(1500, 1600)))  # type: ignore[arg-type]  # sizes
+    frame = common_frame(camera(), turned)
+    assert frame.cause is not None
+    assert (frame.cause.kind, frame.is_common) == (Kind.TURNED, False)
 
 
 @pytest.mark.parametrize(

@@ -49,7 +49,6 @@ def compare(
 
     Raises:
         InputError: a file cannot be read, or a K is not in pixels.
-        FrameError: no scale or crop relates the two images, and no cause is known.
         CalibrationError: the common field of view is too small.
         RegistryError: neither a file nor an entry has the name.
     """

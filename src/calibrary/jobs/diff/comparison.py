@@ -14,11 +14,11 @@ from collections.abc import Sequence
 from typing import Annotated, Final
 
 from calibrary.calibration import Calibration, ImageSize
-from calibrary.errors import CalibrationError, FrameError
+from calibrary.errors import CalibrationError
 from calibrary.interop.notebook import html_table
+from calibrary.jobs.diff.causes import causes, other_camera
 from calibrary.jobs.diff.frames import check_units, common_frame
 from calibrary.jobs.diff.numbers import Ground, Numbers, Parameter, numbers_of, what_moved
-from calibrary.jobs.diff.structure import other_camera, signatures
 from calibrary.jobs.diff.uncertainty import MEASURED_GRADES, PRIORS, Basis, std_of
 from calibrary.jobs.diff.verdicts import ALARMING, ChangeVerdict, Kind, Structural, Use
 from calibrary.jobs.diff.wording import chance, listed, percent, pixels
@@ -43,10 +43,6 @@ BY_KIND: Final = {
     Kind.CROP: (
         Use.EACH,
         "Use each for images of its own crop, and set the camera back if the change of mode was not wanted.",
-    ),
-    Kind.FIELD: (
-        Use.EACH,
-        "Use each for images of its own zoom and crop mode.",
     ),
     Kind.OTHER_CAMERA: (
         Use.EACH,
@@ -74,16 +70,6 @@ CONVENTIONS: Final = {
     Kind.TANGENTIAL_SIGN: "the sign of p1 and p2",
     Kind.DIRECTION: "the direction or sign of the distortion",
 }
-LOST: Final = frozenset(
-    {
-        Kind.COEFFICIENT_LOST,
-        Kind.DISTORTION_LOST,
-        Kind.FROM_CENTRE,
-        Kind.EQUIVALENT_LEAK,
-        Kind.OTHER_SIZE,
-        Kind.OTHER_UNIT,
-    }
-)
 
 
 class Side(Record):
@@ -229,22 +215,21 @@ def compare(
 
     Raises:
         InputError: the K of one is not in pixels.
-        FrameError: neither a scale nor a crop gives a common image size, and no structural change explains it.
         CalibrationError: the fields of view overlap too little, and no structural change explains it.
     """
     check_units(a, b)
     sides = Side(label=labels[0], calibration=a), Side(label=labels[1], calibration=b)
-    structural = signatures(a, b)
+    frame = common_frame(a, b)
+    structural = causes(a, b, frame)
+    if not frame.is_common:
+        return _judged(sides, None, structural, (), altitude_m)
     try:
-        frame = common_frame(a, b)
         numbers = numbers_of(frame.a, frame.b, policy)
-    except (FrameError, CalibrationError) as error:
+    except CalibrationError as error:
         if not structural:
             raise
-        # The change of kind says already why there is no common frame.
-        message = "" if isinstance(error, FrameError) else str(error)
-        return _judged(sides, None, structural, (), altitude_m, message)
-    structural = (*structural, *other_camera(a, b, numbers, structural, matters=numbers.matters))
+        return _judged(sides, None, structural, (), altitude_m, str(error))
+    structural = (*structural, *other_camera(a, b, numbers, structural))
     # A nominal focal length was never that of the lens: nothing moved.
     measured = all(one.grade in MEASURED_GRADES for one in (a, b))
     moved = what_moved(numbers) if measured and numbers.matters and not structural else None
@@ -341,7 +326,7 @@ def _is_identical(numbers: Numbers) -> bool:
 
 
 def _p(numbers: Numbers) -> float:
-    return numbers.significance.p if numbers.significance is not None else 0.0
+    return (numbers.significance.p if numbers.significance is not None else None) or 0.0
 
 
 def _reasons(
@@ -407,7 +392,9 @@ def _known(numbers: Numbers) -> tuple[str, ...]:
 def _explained(numbers: Numbers) -> str:
     if numbers.significance is None:
         return "no measured uncertainty explains it: at least one of the two states none"
-    p = chance(numbers.significance.p)
+    if numbers.significance.p is None and not numbers.significance.explains:
+        return f"it is more than two calibrations of these grades usually differ by ({numbers.basis.value})"
+    p = chance(_p(numbers))
     if not numbers.significance.explains:
         return f"noise would do so with a chance of {p} ({numbers.basis.value})"
     if not numbers.is_measured:
@@ -474,9 +461,8 @@ def _advice(
     """Choose which of the two to use, and explain it in a sentence."""
     drifted = alarm and numbers is not None and {one.kind for one in structural} == {Kind.RESIZE}
     if numbers is None or (structural and not drifted):
-        if {one.kind for one in structural} == {Kind.FIELD}:
-            return _of_field(a, b)
-        return _of_structure(structural, alarm=alarm)
+        cause = structural[-1]
+        return _of_field(a, b) if cause.kind is Kind.FIELD else _of_structure(cause, alarm=alarm)
     better, why = _better(a, b, numbers)
     if verdict in {ChangeVerdict.IDENTICAL, ChangeVerdict.NOISE, ChangeVerdict.NEGLIGIBLE}:
         return _agreeing(a, b, numbers, verdict, (better, why))
@@ -492,32 +478,19 @@ def _advice(
     return _drifted(numbers)
 
 
-def _of_structure(structural: tuple[Structural, ...], *, alarm: bool) -> tuple[Use, str]:
-    for one in structural:
-        if one.kind in LOST and one.faulty is not None:
-            bad = one.faulty
-            good = Use.A if bad == "B" else Use.B
-            what = "incomplete" if "lost" in one.kind.value else "counted another way"
-            if not alarm:
-                return (
-                    good,
-                    f"Use {good.value}, which is complete, although no map will show what {bad} lost.",
-                )
-            return (
-                good,
-                f"Use {good.value}: {bad} is {what}; export {bad} again from its source before it is used.",
-            )
-    for kind, answer in BY_KIND.items():
-        if any(one.kind is kind for one in structural) and kind is not Kind.RESIZE:
-            return answer
-    conventions = [CONVENTIONS[one.kind] for one in structural if one.kind in CONVENTIONS]
-    if conventions:
-        what = listed(conventions)
+def _of_structure(cause: Structural, *, alarm: bool) -> tuple[Use, str]:
+    if cause.kind in CONVENTIONS:
         return Use.A, (
-            f"Keep using A: B differs by {what}, not by what the camera did; export or convert B again before it is "
-            "used."
+            f"Keep using A: B differs by {CONVENTIONS[cause.kind]}, not by what the camera did; export or convert B "
+            "again before it is used."
         )
-    return BY_KIND[Kind.RESIZE]
+    if cause.kind in BY_KIND:
+        return BY_KIND[cause.kind]
+    bad, good = cause.faulty, Use.A if cause.faulty == "B" else Use.B
+    if not alarm:
+        return good, f"Use {good.value}, which is complete, although no map will show what {bad} lost."
+    what = "incomplete" if "lost" in cause.kind.value else "counted another way"
+    return good, f"Use {good.value}: {bad} is {what}; export {bad} again from its source before it is used."
 
 
 def _of_field(a: Calibration, b: Calibration) -> tuple[Use, str]:
@@ -583,11 +556,11 @@ def _better(a: Calibration, b: Calibration, numbers: Numbers) -> tuple[Use, str]
     if a.grade is not b.grade:
         use, one, other = (Use.A, a, b) if a.grade.rank < b.grade.rank else (Use.B, b, a)
         return use, f"which is {one.grade.value} where the other is {other.grade.value}"
-    spreads = numbers.spread_a, numbers.spread_b
-    if spreads[0].is_measured is not spreads[1].is_measured:
-        return (Use.A if spreads[0].is_measured else Use.B), "which states how well it is known"
-    if all(spread.is_measured for spread in spreads):
-        std = [spread.covariance.std["fx"] for spread in spreads]
+    known = numbers.spread_a.covariance, numbers.spread_b.covariance
+    if (known[0] is None) is not (known[1] is None):
+        return (Use.A if known[1] is None else Use.B), "which states how well it is known"
+    std = [covariance.std["fx"] for covariance in known if covariance is not None]
+    if std:
         for use, mine, others in ((Use.A, std[0], std[1]), (Use.B, std[1], std[0])):
             if mine < BETTER * others:
                 return (

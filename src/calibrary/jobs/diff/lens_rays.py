@@ -12,7 +12,6 @@ from typing import Final
 import numpy as np
 
 from calibrary.arrays import FloatArray
-from calibrary.calib.projection_difference import pixel_grid
 from calibrary.calibration import Calibration, Intrinsics
 from calibrary.distortion import NoDistortion
 from calibrary.jobs.diff.common_numbers import is_same
@@ -56,15 +55,6 @@ def pinholes(a: Calibration, b: Calibration) -> tuple[Calibration, Calibration]:
     is_copy = is_same(K.fx, other.fx) and is_same(K.fy, other.fy)
     one, two = (K, other) if is_copy else (axial(a), axial(b))
     return replace(a, intrinsics=one, distortion=None), replace(b, intrinsics=two, distortion=None)
-
-
-def moves_px(a: Calibration, b: Calibration) -> FloatArray:
-    """How far the pixels of ``a``'s rays are from those of ``b``, (N, 2) px over the frame, without any rotation."""
-    pixels = pixel_grid(a.intrinsics.image_size, (17, 13)).reshape(-1, 2)
-    rays = a.unproject(pixels)
-    sees = np.isfinite(b.unproject(pixels)).all(axis=1) == np.isfinite(rays).all(axis=1)
-    moved = np.where(sees[:, None], b.project(rays) - pixels, math.inf)
-    return moved[~np.isnan(moved).any(axis=1)]
 
 
 def bends_px(a: Calibration, b: Calibration) -> tuple[float, float] | None:

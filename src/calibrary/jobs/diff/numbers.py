@@ -8,7 +8,7 @@ from typing import Annotated, Final
 import numpy as np
 from msgspec import Struct
 
-from calibrary.arrays import BoolArray, FloatArray
+from calibrary.arrays import BoolArray
 from calibrary.calib.projection_difference import (
     GRID,
     ProjectionDifference,
@@ -17,7 +17,7 @@ from calibrary.calib.projection_difference import (
 )
 from calibrary.calibration import Calibration
 from calibrary.errors import CalibraryError
-from calibrary.jobs.diff.common_numbers import K_NAMES, Common, common_numbers, values_of
+from calibrary.jobs.diff.common_numbers import K_NAMES, Common, common_numbers
 from calibrary.jobs.diff.lens_rays import axial, pinholes
 from calibrary.jobs.diff.uncertainty import (
     Basis,
@@ -27,6 +27,7 @@ from calibrary.jobs.diff.uncertainty import (
     basis_of,
     covariances_of,
     image_scale,
+    is_usual,
     significance,
     spread_of,
     std_of,
@@ -59,21 +60,6 @@ class Parameter(Record):
     std_b: float | None
     delta: float | None
     z: float | None
-
-    @classmethod
-    def of(
-        cls,
-        name: str,
-        a: float | None,
-        b: float | None,
-        std_a: float | None = None,
-        std_b: float | None = None,
-    ) -> Parameter:
-        """Make a parameter, with its difference also in units of the standard deviation."""
-        delta = b - a if a is not None and b is not None else None
-        std = float(np.hypot(std_a, std_b)) if std_a is not None and std_b is not None else 0.0
-        z = delta / std if delta is not None and std > 0 else None
-        return cls(name=name, a=a, b=b, std_a=std_a, std_b=std_b, delta=delta, z=z)
 
 
 class Ground(Record):
@@ -212,7 +198,9 @@ def numbers_of(a: Calibration, b: Calibration, policy: Policy) -> Numbers:
         focal_change=_focal_change(a, b),
         scale=scale,
         basis=basis,
-        significance=significance(
+        significance=Significance(p=None, explains=is_usual(one, two))
+        if basis in {Basis.TYPICAL, Basis.PARTIAL}
+        else significance(
             difference,
             scale,
             level=policy.drift_significance,
@@ -246,32 +234,25 @@ def _focal_change(a: Calibration, b: Calibration) -> float:
 
 
 def _parameters(a: Calibration, b: Calibration) -> tuple[Parameter, ...]:
-    std_a, std_b = (
-        {name: std for name in values_of(side) if (std := std_of(side, name)) > 0} for side in (a, b)
-    )
+    # In different models the same name means different parameters, so they are not subtracted.
     lenses = [c.distortion.shown if c.distortion is not None else {} for c in (a, b)]
     skew = ("skew",) if a.intrinsics.skew or b.intrinsics.skew else ()
-    # In different models the same name means different parameters, so they are not subtracted.
-    same_model = type(a.distortion) is type(b.distortion)
-    rows = [
-        Parameter.of(
-            name,
-            float(getattr(a.intrinsics, name)),
-            float(getattr(b.intrinsics, name)),
-            std_a.get(name),
-            std_b.get(name),
-        )
-        for name in (*K_NAMES, *skew)
-    ]
-    if same_model:
-        rows += [
-            Parameter.of(name, lenses[0][name], lenses[1][name], std_a.get(name), std_b.get(name))
-            for name in lenses[0]
-        ]
-    else:
-        rows += [Parameter.of(name, value, None, std_a.get(name)) for name, value in lenses[0].items()]
-        rows += [Parameter.of(name, None, value, None, std_b.get(name)) for name, value in lenses[1].items()]
-    return tuple(rows)
+    rows = [(name, *(float(getattr(c.intrinsics, name)) for c in (a, b))) for name in (*K_NAMES, *skew)]
+    found = [_parameter(a, b, *row) for row in rows]
+    if type(a.distortion) is type(b.distortion):
+        return (*found, *(_parameter(a, b, name, lenses[0][name], lenses[1][name]) for name in lenses[0]))
+    found += [_parameter(a, b, name, value, None) for name, value in lenses[0].items()]
+    return (*found, *(_parameter(a, b, name, None, value) for name, value in lenses[1].items()))
+
+
+def _parameter(a: Calibration, b: Calibration, name: str, one: float | None, two: float | None) -> Parameter:
+    std_a = std_of(a, name) or None if one is not None else None
+    std_b = std_of(b, name) or None if two is not None else None
+    delta = two - one if one is not None and two is not None else None
+    z = None
+    if delta is not None and std_a is not None and std_b is not None:
+        z = delta / math.hypot(std_a, std_b)
+    return Parameter(name=name, a=one, b=two, std_a=std_a, std_b=std_b, delta=delta, z=z)
 
 
 LEFT: Final = 0.25
@@ -285,36 +266,28 @@ def what_moved(numbers: Numbers) -> str | None:
     or the sensor shifted.
     """
     a, b = (numbers.a, numbers.b) if numbers.lens_compared else pinholes(numbers.a, numbers.b)
-    before, after = axial(a), axial(b)
+    before, after, K = axial(a), axial(b), a.intrinsics
     by = math.sqrt(after.fx / before.fx * (after.fy / before.fy))
     dx, dy = after.cx - before.cx, after.cy - before.cy
-    weights: FloatArray = np.ones(GRID[::-1])
-    for factor, shift, reason in (
+    focused = replace(K, fx=K.fx * by, fy=K.fy * by, skew=K.skew * by)
+    for moved, reason in (
         (
-            by,
-            (0.0, 0.0),
+            focused,
             f"mainly the focal length moved ({percent(by - 1)}), and the lens bends as before: another focus or "
             "zoom, or another temperature",
         ),
         (
-            1.0,
-            (dx, dy),
+            replace(K, cx=K.cx + dx, cy=K.cy + dy),
             f"mainly the principal point moved, by {pixels(math.hypot(dx, dy))}: the sensor or a lens "
             "element shifted, or an image was cut",
         ),
-        (by, (dx, dy), "focal length and principal point moved, and the lens bends as before"),
+        (
+            replace(focused, cx=K.cx + dx, cy=K.cy + dy),
+            "focal length and principal point moved, and the lens bends as before",
+        ),
     ):
-        K = a.intrinsics
-        moved = replace(
-            K,
-            fx=K.fx * factor,
-            fy=K.fy * factor,
-            skew=K.skew * factor,
-            cx=K.cx + shift[0],
-            cy=K.cy + shift[1],
-        )
         try:
-            left = projection_difference(replace(a, intrinsics=moved), b, weights=weights)
+            left = projection_difference(replace(a, intrinsics=moved), b, weights=np.ones(GRID[::-1]))
         except CalibraryError:
             continue
         if left.rms_px <= LEFT * numbers.difference.rms_px:

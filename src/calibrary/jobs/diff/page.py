@@ -173,7 +173,10 @@ def _in_numbers(numbers: Numbers) -> Iterator[Block]:
     facts = KeyValues(
         (
             ("change of the focal length", minus(percent(numbers.focal_change))),
-            ("chance of it from noise", chance(found.p) if found is not None else "unknown"),
+            (
+                "chance of it from noise",
+                chance(found.p) if found is not None and found.p is not None else "unknown",
+            ),
             ("uncertainty of the difference", numbers.basis.value),
             ("σ of A", numbers.spread_a.source),
             ("σ of B", numbers.spread_b.source),

@@ -2,9 +2,8 @@
 
 A K without a covariance is not exact. The uncertainty of its focal length depends on its origin: an EXIF
 focal length is rounded and nominal, a maker's table describes the type and not the unit, and in a bundle
-adjustment focal length and height are correlated. Distortion coefficients get the spread that moves the
-corners by the corresponding number of pixels. Such a typical spread is shown, but it explains a difference
-only between two independent measurements.
+adjustment focal length and height are correlated. What is usual for a grade tells whether a difference proves a
+change, and is no noise: only measured standard deviations are propagated.
 
 Only measured covariances of both can explain a difference between other calibrations. If one of two independent
 measurements has none, it is assumed to be somewhat more uncertain than the other. Between two copies of one
@@ -29,10 +28,11 @@ from msgspec import Struct
 from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calib.projection_difference import ProjectionDifference
 from calibrary.calibration import Calibration, Covariance, Grade
+from calibrary.errors import CalibrationError
 from calibrary.jobs.diff.common_numbers import K_NAMES, Common, has_other_source, values_of
+from calibrary.jobs.diff.lens_rays import axial, is_one_lens
 from calibrary.jobs.diff.wording import listed
 from calibrary.probability import normal_tails
-from calibrary.records import replace
 
 
 class Prior(Struct, frozen=True, kw_only=True):
@@ -62,73 +62,59 @@ PRIORS: Final = {
 """Makers' tables agree with a unit's focal length to about 0.3 %, EXIF to 1 … 2 %. Calibrations of one unit from
 several sets of frames scatter by 0.05 … 0.1 %, three times as much as their own solves state."""
 
-SMALLEST_LENS_PX: Final = 0.5
-
 
 class Spread(Struct, frozen=True, kw_only=True):
-    """Uncertainty of a calibration's parameters.
+    """Measured uncertainty of a calibration's parameters.
 
     Attributes:
-        covariance: of K and the distortion coefficients, including the variance factor if known.
+        covariance: of K and the distortion coefficients, including the variance factor if known; None if it states
+            none, at least for K.
         source: where it is from, in words.
-        is_measured: whether the calibration states it, at least for K.
-        typical: coefficients for which it states none, so that what is usual for the grade stands in.
+        silent: coefficients that were measured and for which none is stated.
     """
 
-    covariance: Covariance
+    covariance: Covariance | None
     source: str
-    is_measured: bool
-    typical: tuple[str, ...] = ()
+    silent: tuple[str, ...] = ()
+
+    @property
+    def known(self) -> Covariance:
+        """The covariance; raises CalibrationError if it is not stated."""
+        if self.covariance is None:
+            raise CalibrationError("no standard deviation of its focal length is stated")
+        return self.covariance
 
 
 def spread_of(calibration: Calibration, held: Collection[str] | None = None) -> Spread:
-    """The calibration's covariance with its variance factor; else its standard deviations; else its grade's prior.
+    """The calibration's covariance with its variance factor; else its standard deviations.
 
-    A parameter without a stated σ that is 0, or that ``held`` names, was fixed by the model: it has variance 0. Of any
-    other nothing is known but what is usual for the grade.
+    A parameter without a stated σ that is 0, or that ``held`` names, was fixed by the model: it has variance 0.
 
     Args:
         calibration: with its quality.
         held: parameters that were given, not measured; by default all for which nothing is stated.
     """
     quality, names = calibration.quality, _names(calibration)
-    if quality is not None:
-        inflated = f", × κ² = {quality.inflation:.2g}" if quality.inflation > 1 else ""
-        values = values_of(calibration)
-        stated = quality.covariance.names if quality.covariance is not None else tuple(quality.std)
-        silent = [name for name in names if name not in stated]
-        typical = tuple(
-            name for name in silent if held is not None and values[name] and name not in (*held, *K_NAMES)
-        )
-        at = [names.index(name) for name in typical]
-        if quality.covariance is not None and "fx" in quality.covariance.names:
-            own = _padded(quality.covariance, names) * quality.inflation
-            own[np.ix_(at, at)] = _prior(calibration, names)[np.ix_(at, at)] if at else 0.0
-            return Spread(
-                covariance=Covariance.from_matrix(names, own),
-                source=f"its own covariance{inflated}{_without(typical)}",
-                is_measured=True,
-                typical=typical,
-            )
-        if {"fx", "fy"} <= quality.std.keys():
-            own = np.diag(np.square([quality.std.get(name, 0.0) for name in names]) * quality.inflation)
-            own[np.ix_(at, at)] = _prior(calibration, names)[np.ix_(at, at)] if at else 0.0
-            return Spread(
-                covariance=Covariance.from_matrix(names, own),
-                source=f"its own standard deviations{inflated}, without their correlations{_without(typical)}",
-                is_measured=True,
-                typical=typical,
-            )
-    return Spread(
-        covariance=Covariance.from_matrix(names, _prior(calibration, names)),
-        source=f"none stated; a K of grade {calibration.grade.value} is usually known to "
-        f"{PRIORS[calibration.grade].focal:.1%} of f",
-        is_measured=False,
+    if quality is not None and quality.covariance is not None and "fx" in quality.covariance.names:
+        stated, C = quality.covariance.names, _padded(quality.covariance, names)
+        how, lacks = "its own covariance", ""
+    elif quality is not None and {"fx", "fy"} <= quality.std.keys():
+        stated, C = tuple(quality.std), np.diag(np.square([quality.std.get(name, 0.0) for name in names]))
+        how, lacks = "its own standard deviations", ", without their correlations"
+    else:
+        usual = f"a K of grade {calibration.grade.value} is usually known to {PRIORS[calibration.grade].focal:.1%} of f"
+        return Spread(covariance=None, source=f"none stated; {usual}")
+    values = values_of(calibration)
+    silent = tuple(
+        name for name in names if held is not None and values[name] and name not in (*stated, *held, *K_NAMES)
     )
-
-
-def _without(typical: tuple[str, ...]) -> str:
-    return f"; none of {listed(typical)}, for which it is what is usual for the grade" if typical else ""
+    lacks += f"; none of {listed(silent)}" if silent else ""
+    inflated = f", × κ² = {quality.inflation:.2g}" if quality.inflation > 1 else ""
+    return Spread(
+        covariance=Covariance.from_matrix(names, C * quality.inflation),
+        source=f"{how}{inflated}{lacks}",
+        silent=silent,
+    )
 
 
 def std_of(calibration: Calibration, name: str) -> float:
@@ -161,41 +147,6 @@ def _padded(covariance: Covariance, names: tuple[str, ...]) -> FloatArray:
     return C
 
 
-def _prior(calibration: Calibration, names: tuple[str, ...]) -> FloatArray:
-    prior, K = PRIORS[calibration.grade], calibration.intrinsics
-    C = np.zeros((len(names), len(names)))
-    f = np.array([K.fx, K.fy])
-    C[:2, :2] = np.outer(f, f) * prior.focal**2
-    C[1, 1] += (K.fy * prior.aspect) ** 2
-    C[2, 2] = C[3, 3] = (K.image_size[0] * prior.centre) ** 2
-    lens = calibration.distortion
-    if lens is None or len(names) == 4:
-        return C
-    # A coefficient's own size says nothing: σ is the change that moves some pixel by a share of what the lens does.
-    width, height = K.image_size
-    x, y = (np.linspace(0.1, 0.9, 5) * side for side in (width, height))
-    rays = calibration.unproject(np.array([(a, b) for a in x for b in y]))
-    rays = rays[np.isfinite(rays).all(axis=1) & (rays[:, 2] > 0)]
-    seen = calibration.project(rays)
-    wanted_px = max(
-        SMALLEST_LENS_PX, prior.lens * _furthest(seen - replace(calibration, distortion=None).project(rays))
-    )
-    for at, name in enumerate(names[4:], start=4):
-        value = lens.coefficients[name]
-        step = 1e-4 * max(abs(value), 1e-3)
-        stepped = replace(calibration, distortion=replace(lens, **{name: value + step}))
-        moved_px = _furthest(stepped.project(rays) - seen)
-        std = wanted_px * step / moved_px if moved_px > 0 else abs(value) * prior.lens
-        C[at, at] = std**2
-    return C
-
-
-def _furthest(vectors: FloatArray) -> float:
-    lengths = np.hypot(*vectors.T)
-    lengths = lengths[np.isfinite(lengths)]
-    return float(lengths.max()) if lengths.size else 0.0
-
-
 FLOOR_PX: Final = 0.02
 """Smallest standard deviation assumed for a pixel, whatever the covariance states."""
 DRAWS: Final = 2000
@@ -207,6 +158,9 @@ TAIL: Final = 0.01
 BORROWED: Final = 1.5
 """Standard deviations assumed for a calibration that states none, as a multiple of the other's: calibration sessions
 of one kind differ by this much."""
+
+USUAL_SIGMAS: Final = 2.6
+"""Calibrations that differ by at most as many of their grades' typical standard deviations are no proof of a change."""
 
 MEASURED_GRADES: Final = frozenset({Grade.CALIBRATED, Grade.ADJUSTED})
 
@@ -238,11 +192,12 @@ class Significance(Struct, frozen=True, kw_only=True):
     """Significance of a difference.
 
     Attributes:
-        p: twice the smaller of the two tests' probabilities of such a difference from noise alone.
+        p: twice the smaller of the two tests' probabilities of such a difference from noise alone; None if what is
+            usual stands in for noise.
         explains: whether noise explains every part of the difference that matters.
     """
 
-    p: float
+    p: float | None
     explains: bool
 
 
@@ -250,31 +205,44 @@ def basis_of(a: Calibration, b: Calibration, spreads: tuple[Spread, Spread], com
     """Basis of the uncertainty of the difference between two calibrations."""
     if common.is_copy:
         return Basis.COPY
-    measured = [spread.is_measured for spread in spreads]
+    measured = [spread.covariance is not None for spread in spreads]
     if all(measured):
-        return Basis.PARTIAL if any(spread.typical for spread in spreads) else Basis.BOTH
+        return Basis.PARTIAL if any(spread.silent for spread in spreads) else Basis.BOTH
     if common.is_one_measurement or not has_other_source(a, b):
         return Basis.NONE
-    whole = not any(spread.typical for spread in spreads)
+    whole = not any(spread.silent for spread in spreads)
     if any(measured) and whole and {a.grade, b.grade} <= MEASURED_GRADES:
         return Basis.ONE
     return Basis.TYPICAL
 
 
 def covariances_of(basis: Basis, spreads: tuple[Spread, Spread]) -> tuple[Covariance, Covariance] | None:
-    """Covariances of both calibrations according to the basis; None if there is no basis."""
+    """Covariances of both calibrations according to the basis; None if they are not measured."""
     one, two = (spread.covariance for spread in spreads)
-    if basis in {Basis.BOTH, Basis.PARTIAL, Basis.TYPICAL}:
+    if basis is Basis.BOTH and one is not None and two is not None:
         return one, two
-    if basis is Basis.ONE:
-        # The propagation treats both models alike, so a multiple of one covariance represents both.
-        both = 1 + BORROWED**2
-        return (
-            (_times(one, both), _times(two, 0.0))
-            if spreads[0].is_measured
-            else (_times(one, 0.0), _times(two, both))
-        )
-    return None
+    measured = one or two
+    if basis is not Basis.ONE or measured is None:
+        return None
+    # The propagation treats both models alike, so a multiple of one covariance represents both.
+    both, none = _times(measured, 1 + BORROWED**2), _times(measured, 0.0)
+    return (both, none) if one is not None else (none, both)
+
+
+def is_usual(a: Calibration, b: Calibration) -> bool:
+    """Whether calibrations of these grades usually differ by as much, in K and in what the lens does."""
+    before, after = axial(a), axial(b)
+    priors, width = [PRIORS[one.grade] for one in (a, b)], before.image_size[0]
+    focal = [std_of(one, "fx") / one.intrinsics.fx or PRIORS[one.grade].focal for one in (a, b)]
+    shares = (
+        (math.log(after.fx * after.fy / (before.fx * before.fy)) / 2, focal),
+        (math.log(after.fx * before.fy / (before.fx * after.fy)), [prior.aspect for prior in priors]),
+        (math.hypot(after.cx - before.cx, after.cy - before.cy) / width, [prior.centre for prior in priors]),
+    )
+    of_lens = USUAL_SIGMAS * math.hypot(*(prior.lens for prior in priors))
+    return is_one_lens(a, b, within=of_lens) is not False and all(
+        abs(change) <= USUAL_SIGMAS * math.hypot(*stds) for change, stds in shares
+    )
 
 
 def image_scale(difference: ProjectionDifference) -> Scale:

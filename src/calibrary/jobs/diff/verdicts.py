@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Final, Literal
+from typing import Annotated, Final, Literal
 
-from calibrary.records import Record
+from calibrary.records import Meta, Record
 
 
 class ChangeVerdict(StrEnum):
@@ -48,24 +48,18 @@ class Kind(StrEnum):
     OTHER_CAMERA = "another camera or lens"
 
 
-ALARMING: Final = frozenset(
-    {
-        Kind.CROP,
-        Kind.FIELD,
-        Kind.TURNED,
-        Kind.MIRRORED,
-        Kind.DEWARP_ON,
-        Kind.DEWARP_OFF,
-        Kind.HALF_PIXEL,
-        Kind.ORIGIN,
-        Kind.FROM_CENTRE,
-        Kind.OTHER_SIZE,
-        Kind.OTHER_UNIT,
-        Kind.EQUIVALENT_LEAK,
-        Kind.STRETCH,
-        Kind.OTHER_CAMERA,
-    }
-)
+ALARMING: Final = frozenset(Kind) - {
+    Kind.RESIZE,
+    Kind.COEFFICIENT_LOST,
+    Kind.DISTORTION_LOST,
+    Kind.CENTRE_SWAP,
+    Kind.OTHER_MODEL,
+    Kind.ORDER,
+    Kind.TANGENTIAL_SWAP,
+    Kind.TANGENTIAL_SIGN,
+    Kind.DIRECTION,
+    Kind.FOCAL_SWAP,
+}
 """Changes of the frame, the lens or its convention need attention whatever their size. A lost or swapped coefficient
 needs attention if the projections differ by more than the limits; a resize never does."""
 
@@ -77,11 +71,13 @@ class Structural(Record):
         kind: of the change.
         reason: the numbers that show it and their meaning, in one sentence.
         faulty: "A" or "B", the calibration that is wrong, if this can be determined.
+        likelihood: of this cause among all that were weighed; null if its numbers are fitted to the two.
     """
 
     kind: Kind
     reason: str
     faulty: Literal["A", "B"] | None = None
+    likelihood: Annotated[float, Meta(ge=0, le=1)] | None = None
 
 
 class Use(StrEnum):

@@ -569,9 +569,8 @@ def _uncertainty(calibration: Calibration) -> Iterator[Block]:
         items = tuple((name, form.format(value)) for name, value, form in stated if value is not None)
         if items:
             yield KeyValues(items)
-    # The typical uncertainty by grade would take longer than the rest of the page and is not shown.
-    spread = spread_of(calibration) if stds_of(calibration) else None
-    if spread is None or not spread.is_measured:
+    spread = spread_of(calibration)
+    if spread.covariance is None:
         prior, K = PRIORS[calibration.grade], calibration.intrinsics
         yield Note(
             text=f"Its source states no uncertainty. A K of grade {calibration.grade.value} is usually worth "

@@ -112,7 +112,7 @@ def _by_sigma(calibration: Calibration, policy: Policy) -> Allowed:
     if proven is not None:
         return _where_proven(proven, focal, policy)
     try:
-        over_frame = projection_uncertainty(calibration, spread_of(calibration).covariance).std_px
+        over_frame = projection_uncertainty(calibration, spread_of(calibration).known).std_px
     except CalibrationError as error:
         return Allowed(
             use=Use.START, why=f"its uncertainty over the frame is unknown: {error}", sigma_focal=focal
