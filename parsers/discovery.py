@@ -36,23 +36,20 @@ ONLY: Final[Mapping[tuple[Syntax, ...], str]] = {
         "micmac_xml qualisys realitycapture_xmp"
     ),
     (Syntax.JSON,): (
-        "alicevision_sfm argoverse gyroflow "
-        "nuscenes odm_cameras openmvg opensfm opf_calibrated_cameras opf_input_cameras "
-        "opf_project polycam stac_interior_orientation theia_priors "
+        "alicevision_sfm gyroflow "
+        "odm_cameras openmvg opensfm opf_calibrated_cameras opf_input_cameras "
+        "opf_project stac_interior_orientation "
         "transforms_json"
     ),
     (Syntax.TEXT,): (
-        "alicevision_cal artoolkitplus_cal asp_tsai australis_report bluec_rad bouguet_m bundler "
-        "colmap_text droid_calib dso_camera esri_cameras euroc fisheye_adapter hugin_pto inpho_prj "
-        "kalibr kalibr_results kapture keyed_text kitti mvsnet_cam named_pinholes nsvf_intrinsics nvm "
+        "artoolkitplus_cal asp_tsai australis_report bluec_rad bouguet_m bundler "
+        "colmap_text esri_cameras euroc fisheye_adapter hugin_pto inpho_prj "
+        "kalibr kalibr_results kapture keyed_text kitti nvm "
         "orb_slam orthority photomodeler_export photomodeler_report pix4d_cam "
         "pix4d_camera_parameters projection_matrix realitycapture_csv ros_camera_info ros_ini stella_vslam "
         "terraphoto_cal usgs_report zed zi_ssk"
     ),
-    (Syntax.BINARY,): (
-        "artoolkit_param colmap_binary colmap_database k_npy llff_npy matlab_mat metashape_archive neus_npz "
-        "numpy_npz"
-    ),
+    (Syntax.BINARY,): ("colmap_binary colmap_database k_npy matlab_mat metashape_archive numpy_npz"),
     (Syntax.XML, Syntax.TEXT): "lensfun_xml",
     (Syntax.XML, Syntax.TEXT, Syntax.JSON): "opencv_storage",
     (Syntax.TEXT, Syntax.JSON): "matlab_json mrcal ocamcalib realsense",

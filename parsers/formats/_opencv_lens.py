@@ -35,6 +35,10 @@ COUNTS = tuple(_MODELS)
 """Numbers of coefficients that OpenCV accepts."""
 
 
+OPENCV_ORDER = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y")
+"""Names of the coefficients in the order of OpenCV's vector."""
+
+
 class BrownWithoutK3(OpenCVDistortion):
     """The model of a file with four coefficients; a lens with k3 is refitted to it instead of losing k3."""
 

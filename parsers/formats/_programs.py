@@ -20,7 +20,8 @@ from calibrary.parsers.document import Node
 from calibrary.parsers.format import ReadContext, Sure
 from calibrary.parsers.formats import _file_storage as storage
 from calibrary.parsers.formats._one_camera import ORIGIN_UNKNOWN, fisheye, refuse_model
-from calibrary.parsers.formats._opencv_lens import COUNTS, lens, smallest_lens
+from calibrary.parsers.formats._opencv_lens import COUNTS, OPENCV_ORDER, lens, smallest_lens
+from calibrary.parsers.formats._scenes import SCENES
 from calibrary.parsers.formats._table import (
     Mark,
     Model,
@@ -32,31 +33,18 @@ from calibrary.parsers.formats._table import (
     field_of_view,
     find,
     listed,
+    noted,
     numbers_at,
+    under,
     unified,
-    whole,
-)  # fmt: skip
+    with_more,
+)
 from calibrary.parsers.names import simplified
-from calibrary.records import Json, replace
+from calibrary.records import replace
 
 JSON, YAML, XML = (Syntax.JSON,), (Syntax.TEXT,), (Syntax.XML,)
-OPENCV_ORDER = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y")
 FOUR = "a fisheye's four are k1, k2, k3, k4"
 BROWN4, FISHEYE4 = ("k1", "k2", "p1", "p2"), ("k1", "k2", "k3", "k4")
-
-
-def _under(table: str, names: str) -> tuple[str, ...]:
-    return tuple(f"{table}.{name}" for name in names.split())
-
-
-def _with(node: Node, more: dict[str, Json]) -> Node:
-    """A table with more in it."""
-    own = node.value if isinstance(node.value, dict) else {}
-    return Node({**own, **more}, source=node.source, place=node.place)
-
-
-def _noted(item: Calibration, *notes: str) -> Calibration:
-    return replace(item, notes=(*item.notes, *notes))
 
 
 def _near_axis(item: Calibration, symbol: str) -> Calibration:
@@ -65,7 +53,7 @@ def _near_axis(item: Calibration, symbol: str) -> Calibration:
     if not isinstance(lens, Unified | DoubleSphere) or not lens.xi:
         return item
     near = item.intrinsics.fx / (1 + lens.xi)
-    return _noted(
+    return noted(
         item,
         f"K's fx is {symbol}; near the axis the camera is a pinhole of {near:.6g} px, {symbol}/(1 + xi)",
     )
@@ -76,13 +64,13 @@ def _basalt_cameras(tree: Node, _context: ReadContext) -> Named:
     if len(cameras) != len(sizes):
         tree["value0"]["resolution"].fail(f"{len(sizes)} resolutions of {len(cameras)} cameras")
     for index, (node, size) in enumerate(zip(cameras, sizes, strict=True)):
-        yield f"cam{index}", _with(node, {"resolution": size.value})
+        yield f"cam{index}", with_more(node, {"resolution": size.value})
 
 
 def _basalt(_tree: Node, node: Node, item: Calibration) -> Calibration:
     reach = find(node, "intrinsics.rpmax")
     if reach is not None and reach.number() > 0:
-        item = _noted(item, f"Basalt uses the lens up to the radius rpmax = {reach.number():g} only")
+        item = noted(item, f"Basalt uses the lens up to the radius rpmax = {reach.number():g} only")
     return _near_axis(item, "fx")
 
 
@@ -98,8 +86,8 @@ def _calib_io_cameras(tree: Node, _context: ReadContext) -> Named:
         if number not in names:
             model["polymorphic_id"].fail(f"no camera before it gave {number} a name")
         body = model["ptr_wrapper"]["data"]
-        f, ratio = numbers_at(body, _under("parameters", "f.val ar.val"))
-        yield f"cam{index}", _with(body, {"kind": names[number], "fy": f * ratio})
+        f, ratio = numbers_at(body, under("parameters", "f.val ar.val"))
+        yield f"cam{index}", with_more(body, {"kind": names[number], "fy": f * ratio})
 
 
 _REFERENCE = re.compile(r"cam\d+_calib")
@@ -188,12 +176,7 @@ def _pix4d_cameras(tree: Node, _context: ReadContext) -> Named:
         if not pixel > 0:
             node["pixelSize"].fail(f"pixels of {pixel:g} micrometres, expected positive ones")
         mm = 1000 / pixel
-        yield at(node, "name").text(), _with(node, {"fx": f * mm, "cx": cx * mm, "cy": cy * mm})
-
-
-def _gaussian_cameras(tree: Node, _context: ReadContext) -> Named:
-    for node in tree.items():
-        yield str(node["img_name"].value), _with(node, {"cx": 0.0, "cy": 0.0})
+        yield at(node, "name").text(), with_more(node, {"fx": f * mm, "cx": cx * mm, "cy": cy * mm})
 
 
 def _maplab_cameras(tree: Node, _context: ReadContext) -> Named:
@@ -233,7 +216,7 @@ def _open3d(_tree: Node, node: Node, item: Calibration) -> Calibration:
         return item
     values = storage.numbers(node[key])
     strict.check_count(len(values), COUNTS[2:], place=node[key].place)
-    return _noted(
+    return noted(
         replace(item, distortion=lens(values)), f"Open3D has no distortion; {key} was read in OpenCV's order"
     )
 
@@ -241,7 +224,7 @@ def _open3d(_tree: Node, node: Node, item: Calibration) -> Calibration:
 def _photonvision_cameras(tree: Node, _context: ReadContext) -> Named:
     several = find(tree, "calibrations")
     for node in (tree,) if several is None else several.items():
-        width, height = numbers_at(node, _under("resolution", "width height"))
+        width, height = numbers_at(node, under("resolution", "width height"))
         yield f"{width:g}×{height:g}", node
 
 
@@ -251,16 +234,6 @@ def _photonvision(_tree: Node, node: Node, item: Calibration) -> Calibration:
         refuse_model(model.text(), ("LENSMODEL_OPENCV",), place=model.place)
     errors = find(node, "perViewErrors")
     return item if errors is None else replace(item, quality=Quality(views=len(errors.items())))
-
-
-def _record3d(tree: Node, _node: Node, item: Calibration) -> Calibration:
-    """How far the frames, whose focus changes, differ from K."""
-    frames, fx = find(tree, "perFrameIntrinsicCoeffs"), item.intrinsics.fx
-    focals = [row.numbers(4)[0] for row in frames.items()] if frames is not None else []
-    if not focals or (min(focals) == fx == max(focals)):
-        return item
-    spread = f"{min(focals):.5g} to {max(focals):.5g} px; K has {fx:.5g}"
-    return _noted(item, f"the focal length of the {len(focals)} frames is {spread}")
 
 
 def _slstudio_cameras(tree: Node, _context: ReadContext) -> Named:
@@ -282,7 +255,7 @@ def _vikit(_tree: Node, node: Node, item: Calibration) -> Calibration:
     scale = find(node, "scale")
     if scale is None or scale.number() == 1:
         return item
-    return _noted(
+    return noted(
         item, f"vikit shrinks the images by the file's scale, {scale.number():g}; K is of the size before"
     )
 
@@ -319,8 +292,8 @@ VIKIT_POLYNOMIAL = Model(
     _even_polynomial, ("k2", "k3", "k4", "k5", "k6", "k7"), missing=0.0, K=(*VIKIT_K, "cam_skew|A12")
 )
 MAPLAB_LENS = ("distortion.parameters",)
-PLAIN = _under("distortion_parameters", "k1 k2 p1 p2")
-VINS_K = _under("projection_parameters", "fx fy cx cy")
+PLAIN = under("distortion_parameters", "k1 k2 p1 p2")
+VINS_K = under("projection_parameters", "fx fy cx cy")
 
 PROGRAMS: Final = (
     Program(
@@ -443,17 +416,17 @@ Source: V. Usenko et al., basalt-headers, ``serialization/headers_serialization.
         ),
         marks=(Mark(("camera_type",), at="value0.intrinsics[0]"),),
         cameras=_basalt_cameras,
-        K=_under("intrinsics", "fx fy cx cy"),
+        K=under("intrinsics", "fx fy cx cy"),
         size=("resolution",),
         model=("camera_type",),
         models={
             "pinhole": Model(),
-            "pinhole-radtan8": Model(lens, _under("intrinsics", "k1 k2 p1 p2 k3 k4 k5 k6")),
-            "kb4": Model(fisheye, _under("intrinsics", "k1 k2 k3 k4")),
-            "ucm": Model(extended_unified, _under("intrinsics", "alpha")),
-            "eucm": Model(extended_unified, _under("intrinsics", "alpha beta")),
-            "ds": Model(double_sphere, _under("intrinsics", "xi alpha")),
-            "fov": Model(field_of_view, _under("intrinsics", "w")),
+            "pinhole-radtan8": Model(lens, under("intrinsics", "k1 k2 p1 p2 k3 k4 k5 k6")),
+            "kb4": Model(fisheye, under("intrinsics", "k1 k2 k3 k4")),
+            "ucm": Model(extended_unified, under("intrinsics", "alpha")),
+            "eucm": Model(extended_unified, under("intrinsics", "alpha beta")),
+            "ds": Model(double_sphere, under("intrinsics", "xi alpha")),
+            "fov": Model(field_of_view, under("intrinsics", "w")),
         },
         finish=_basalt,
     ),
@@ -487,7 +460,7 @@ Source: calib.io, ``readCalibParameters.cpp`` (public domain); cereal's polymorp
         marks=(Mark(("Calibration",), words=('"libCalib::',)),),
         cameras=_calib_io_cameras,
         K=("parameters.f.val", "fy", "parameters.cx.val", "parameters.cy.val"),
-        size=_under("CameraModelCRT.CameraModelBase.imageSize", "width height"),
+        size=under("CameraModelCRT.CameraModelBase.imageSize", "width height"),
         model=("kind",),
         models={
             "libCalib::CameraModelOpenCV": Model(
@@ -593,16 +566,16 @@ Source: camodocal (``camera_models``), ``PinholeCamera.cc``, ``CataCamera.cc``, 
         model=("model_type",),
         models={
             "PINHOLE": Model(lens, PLAIN),
-            "PINHOLE_FULL": Model(lens, (*PLAIN, *_under("distortion_parameters", "k3 k4 k5 k6"))),
+            "PINHOLE_FULL": Model(lens, (*PLAIN, *under("distortion_parameters", "k3 k4 k5 k6"))),
             "MEI": Model(
                 unified,
                 ("mirror_parameters.xi", *PLAIN),
-                K=_under("projection_parameters", "gamma1 gamma2 u0 v0"),
+                K=under("projection_parameters", "gamma1 gamma2 u0 v0"),
             ),
             "KANNALA_BRANDT": Model(
                 fisheye,
-                _under("projection_parameters", "k2 k3 k4 k5"),
-                K=_under("projection_parameters", "mu mv u0 v0"),
+                under("projection_parameters", "k2 k3 k4 k5"),
+                K=under("projection_parameters", "mu mv u0 v0"),
             ),
         },
         finish=lambda _tree, _node, item: _near_axis(item, "gamma1"),
@@ -669,39 +642,6 @@ Source: FtcRobotController, ``FtcRobotController/src/main/res/xml/teamwebcamcali
         K=("focalLength[0:2]", "principalPoint[0:2]"),
         size=("size[0:2]",),
         models={"": Model(smallest_lens, ("distortionCoefficients[0:]",), COUNTS)},
-    ),
-    Program(
-        name="gaussian_cameras",
-        title="3D Gaussian splatting cameras.json",
-        words="""\
-``cameras.json`` of 3D Gaussian splatting: the undistorted camera of every image of a scene.
-
-In the format's own words::
-
-    [{"id": 0, "img_name": "00001", "width": 1959, "height": 1090, "position": […], "rotation": […],
-      "fy": 1164.6, "fx": 1159.5}, …]
-
-The training's images are undistorted and their principal point in the middle: it goes by the field of view alone.
-Images whose numbers are the same are one camera.
-
-Source: gaussian-splatting, ``utils/camera_utils.py``, ``camera_to_JSON``.
-""",
-        suffixes=(".json",),
-        reference="https://github.com/graphdeco-inria/gaussian-splatting",
-        syntaxes=JSON,
-        convention=Convention(
-            origin=Origin.IMAGE_CENTRE,
-            tangential=Tangential.NONE,
-            remarks=("undistorted images; the principal point is in the middle",),
-        ),
-        marks=(Mark(("img_name", "width", "height", "fx", "fy", "rotation"), at="[0]"),),
-        cameras=_gaussian_cameras,
-        K=("fx", "fy", "cx", "cy"),
-        grade=Grade.ADJUSTED,
-        assumptions=(
-            "the file has no principal point; the program renders with it in the middle of the image",
-        ),
-        is_of_images=True,
     ),
     Program(
         name="maplab",
@@ -915,7 +855,7 @@ Source: PhotonVision, ``CameraCalibrationCoefficients.java``.
         ),
         cameras=_photonvision_cameras,
         K="cameraIntrinsics",
-        size=_under("resolution", "width height"),
+        size=under("resolution", "width height"),
         model=("isFisheye",),
         models={
             **{mark: Model(lens, ("distCoeffs|cameraExtrinsics",), COUNTS) for mark in ("", "false")},
@@ -968,44 +908,6 @@ Source: Pix4D support, "How are the internal and external camera parameters defi
         },
         grade=Grade.DESIGN,
         most=100_000,
-    ),
-    Program(
-        name="record3d",
-        title="Record3D metadata.json",
-        words="""\
-Record3D's ``metadata.json``: the camera of an iPhone's or iPad's recording with depth.
-
-In the format's own words::
-
-    {"w": 1440, "h": 1920, "dw": 192, "dh": 256, "fps": 60,
-     "K": [1347.6, 0, 0, 0, 1347.6, 0, 720.2, 965.7, 1],
-     "perFrameIntrinsicCoeffs": [[1347.6, 1347.6, 720.2, 965.7], …], "poses": […]}
-
-K runs down the columns. ARKit's autofocus changes it from frame to frame; calibrary reads the file's own K and reports
-how far the frames differ from it. Apple counts from the top-left corner of the image. The phone rectifies the images to
-an unknown degree, so the distortion is not stated.
-
-Sources: Record3D, "Exported metadata", whose program is closed; nerfstudio, ``process_data/record3d_utils.py``, which
-transposes K and puts the principal point into the middle; Apple, "ARCamera.intrinsics".
-""",
-        suffixes=(".json",),
-        reference="https://record3d.app/",
-        syntaxes=JSON,
-        convention=Convention(
-            origin=Origin.CORNER,
-            tangential=Tangential.NONE,
-            remarks=("K runs down the columns", "the distortion is not stated"),
-        ),
-        marks=tuple(Mark(("K", "w", "h", key)) for key in ("dw", "perFrameIntrinsicCoeffs", "poses")),
-        cameras=whole,
-        K="K",
-        is_transposed=True,
-        size=("w", "h"),
-        models={"": Model(lambda _: None)},
-        assumptions=(
-            "Apple counts from the top-left corner of the image, which was taken for the first pixel's outer corner",
-        ),
-        finish=_record3d,
     ),
     Program(
         name="slstudio",
@@ -1098,5 +1000,5 @@ Sources: rpg_vikit as FAST-LIVO2 has it, ``vikit_ros/include/vikit/camera_loader
 )
 """In alphabetical order."""
 
-FORMATS: Final = {row.name: row.format() for row in PROGRAMS}
+FORMATS: Final = {row.name: row.format() for row in (*PROGRAMS, *SCENES)}
 """By name."""

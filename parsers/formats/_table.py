@@ -1,7 +1,8 @@
 """Formats that are a K and a lens under a program's own names: what a row of their table says, and how it is read.
 
-The rows are in ``_programs``. A row names where its numbers stand by paths: ``intrinsics.fx``, ``params[4:8]``, and
-``cam_fx|A11`` for the first of two that is there. A format that needs more than that is a module of its own.
+The rows are in ``_programs`` and, of scenes and data sets, in ``_scenes``. A row names where its numbers stand by paths:
+``intrinsics.fx``, ``params[4:8]``, and ``cam_fx|A11`` for the first of two that is there. A file without names is made a
+document by the row's ``load``. A format that needs more than that is a module of its own.
 """
 
 from __future__ import annotations
@@ -28,10 +29,10 @@ from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native
 from calibrary.parsers.document import Node, accounted
-from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
+from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
 from calibrary.parsers.formats import _file_storage as storage
 from calibrary.parsers.formats._json_text import loaded
-from calibrary.parsers.formats._one_camera import camera, native_of, refuse_model
+from calibrary.parsers.formats._one_camera import ORIGIN, camera, chosen_origin, native_of, refuse_model
 from calibrary.parsers.formats._text_rows import text_of
 from calibrary.parsers.formats._tree import MAX_BYTES
 from calibrary.parsers.xml import parse_xml
@@ -97,14 +98,17 @@ class Program(Struct, frozen=True, kw_only=True):
     """A row: a format of a program.
 
     Attributes:
-        name, title, suffixes, syntaxes, roots, reference, convention, idle: as in
+        name, title, suffixes, syntaxes, roots, reference, convention, options, idle: as in
             :class:`~calibrary.parsers.format.Format`.
         words: the format in its own words, and the source.
         marks: any of which a file has.
+        recognise: recognises a file without names, in place of the marks.
+        load: makes the document of a file without names, or without a syntax.
         cameras: its cameras with their names, in a document.
         K: path of the matrix, or paths of fx, fy, cx, cy and perhaps the skew.
         is_transposed: whether the matrix runs down its columns.
-        size: paths of width and height, or of both.
+        asks_origin: whether the file does not say where its principal point counts from, and the caller may.
+        size: paths of width and height, or of both; empty if no file states it.
         model: paths of the model's name, whose parts are put together.
         models: the models by their names; under the empty name what a file without a name has.
         grade: of K.
@@ -121,11 +125,14 @@ class Program(Struct, frozen=True, kw_only=True):
     syntaxes: tuple[Syntax, ...]
     reference: str
     convention: Convention
-    marks: tuple[Mark, ...]
+    marks: tuple[Mark, ...] = ()
+    recognise: Callable[[Content], Sniff | None] | None = None
+    load: Callable[[bytes, ReadContext], Node] | None = None
     roots: tuple[str, ...] = ()
-    cameras: Callable[[Node, ReadContext], Named]
+    cameras: Callable[[Node, ReadContext], Named] = field(default_factory=lambda: whole)
     K: str | tuple[str, ...]
     is_transposed: bool = False
+    asks_origin: bool = False
     size: tuple[str, ...] = ("width", "height")
     model: tuple[str, ...] = ()
     models: Mapping[str, Model] = field(default_factory=lambda: {"": Model()})
@@ -133,6 +140,7 @@ class Program(Struct, frozen=True, kw_only=True):
     assumptions: tuple[str, ...] = ()
     is_of_images: bool = False
     most: int = MOST_CAMERAS
+    options: tuple[Option, ...] = ()
     idle: tuple[str, ...] = ()
     finish: Callable[[Node, Node, Calibration], Calibration] = lambda _tree, _node, item: item
 
@@ -147,8 +155,10 @@ class Program(Struct, frozen=True, kw_only=True):
             roots=self.roots,
             reference=self.reference,
             convention=self.convention,
-            sniff=partial(_sniff, self),
+            sniff=self.recognise or partial(_sniff, self),
             read=partial(_read, self),
+            needs_image_size=not self.size,
+            options=(*self.options, *((ORIGIN,) if self.asks_origin else ())),
             idle=self.idle,
         )
 
@@ -176,6 +186,22 @@ def listed(path: str, name: str = "", *, inside: str = "") -> Callable[[Node, Re
             yield str(at(item, name).value) if name else f"cam{index}", at(item, inside)
 
     return cameras
+
+
+def with_more(node: Node, more: dict[str, Json]) -> Node:
+    """A table with more in it."""
+    own = node.value if isinstance(node.value, dict) else {}
+    return Node({**own, **more}, source=node.source, place=node.place)
+
+
+def under(table: str, keys: str) -> tuple[str, ...]:
+    """Paths of some keys of a table."""
+    return tuple(f"{table}.{key}" for key in keys.split())
+
+
+def noted(item: Calibration, *notes: str) -> Calibration:
+    """With more notes."""
+    return replace(item, notes=(*item.notes, *notes))
 
 
 def at(node: Node, path: str) -> Node:
@@ -266,7 +292,7 @@ def _has(content: Content, mark: Mark) -> bool:
 
 def _read(row: Program, data: bytes, context: ReadContext) -> list[Calibration]:
     """Every camera, in the file's order."""
-    tree = _loaded(row, data, context)
+    tree = _loaded(row, data, context) if row.load is None else row.load(data, context)
     named = []
     for pair in row.cameras(tree, context):
         named.append(pair)
@@ -331,16 +357,13 @@ def _camera(row: Program, name: str | None, node: Node, context: ReadContext, tr
         lens = model.lens(values)
     except InputError as error:
         raise type(error)(error.message, place=error.place or place.place) from None
-    convention = model.convention or row.convention
+    convention, assumptions = model.convention or row.convention, row.assumptions
+    if row.asks_origin:
+        origin, sentence = chosen_origin(context, convention.origin)
+        convention, assumptions = replace(convention, origin=origin), (*assumptions, sentence)
+    size = _size(row, node)
     item = camera(
-        context,
-        convention,
-        native,
-        _size(row, node),
-        lens,
-        name=name,
-        tag=node.place,
-        assumptions=row.assumptions,
+        context, convention, native, size, lens, name=name, tag=node.place or name, assumptions=assumptions
     )
     return row.finish(tree, node, replace(item, grade=row.grade))
 

@@ -230,7 +230,7 @@ def test_record3ds_k_runs_down_the_columns() -> None:
         ("nsvf_intrinsics", NSVF.replace("480 752", "480"), "lines of 4, 3, 1, 1, 1 numbers"),
         ("mvsnet_cam", MVSNET.replace("0 0 1\n\n425 2.5", "0 0"), "8 numbers, expected 9"),
         ("mvsnet_cam", "extrinsic\n1\n", "no lines"),
-        ("named_pinholes", SCANNET.replace("fy_color = 432.9\n", ""), "no fy_color"),
+        ("named_pinholes", SCANNET.replace("fy_color = 432.9\n", ""), "no 'fy_color'"),
         ("named_pinholes", MIDDLEBURY.replace("cam1", "cam0"), "duplicate key"),
         ("nuscenes", [NUSCENES[0], NUSCENES[0]], "duplicate token"),
         ("hand_made", {**PINHOLE, "fx": None}, "empty, expected a number"),
