@@ -179,7 +179,11 @@ def _merged(shared: Mapping[str, float], frame: Node) -> dict[str, float]:
             f"{clash} is {own[clash]:g} here and {shared[clash]:g} above the frames; nerfstudio takes that one, "
             "instant-ngp this one: remove one of them"
         )
-    return {**shared, **own}
+    both = {**shared, **own}
+    missing = [key for key in SIZE if key not in both]
+    if len(missing) == 1:
+        frame.fail(f"it states no {missing[0]}, and nor does the file above its frames")
+    return both
 
 
 def _calibration(
@@ -213,7 +217,10 @@ def _calibration(
 def _size(numbers: Mapping[str, float]) -> ImageSize | None:
     if not any(key in numbers for key in SIZE):
         return None
-    return strict.image_size(numbers.get("w", 0), numbers.get("h", 0))
+    missing = [key for key in SIZE if key not in numbers]
+    if missing:
+        raise ParseError(f"it states no {missing[0]}")
+    return strict.image_size(numbers["w"], numbers["h"])
 
 
 def _native(numbers: Mapping[str, float], size: ImageSize) -> tuple[Native, tuple[str, ...]]:

@@ -108,6 +108,14 @@ def test_a_number_said_twice_differently_is_not_chosen_from() -> None:
     assert read({**CAMERA, "frames": [{**FRAMES[0], "fl_x": 1375.52}]}).intrinsics.fx == 1375.52
 
 
+@pytest.mark.parametrize("frames", [None, [{**FRAMES[0], "h": 1080}]])
+def test_a_size_with_one_side_names_the_other(frames: list[dict[str, Any]] | None) -> None:
+    document = {key: value for key, value in CAMERA.items() if key not in {"w", "h"}}
+    document |= {"frames": frames} if frames else {"frames": FRAMES, "h": 1080}
+    with pytest.raises(ParseError, match="it states no w"):
+        decoded(document)
+
+
 def test_a_blender_file_has_a_field_of_view_and_no_size() -> None:
     document = {"camera_angle_x": 0.6911, "frames": FRAMES}
     with pytest.raises(MissingTagError, match="--image-size"):
