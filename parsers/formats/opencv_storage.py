@@ -231,7 +231,7 @@ def _xml_element(key: str, value: Json, *, of_matrix: bool = False) -> str:
         return f"<{key}>{''.join(_xml_element('_', item) for item in value)}</{key}>"
     if isinstance(value, str):
         quoted = escape(value, quote=False).translate(IN_QUOTES)
-        return f"<{key}>{quoted}</{key}>" if of_matrix else f'<{key}>"{quoted}"</{key}>'
+        return f"<{key}>{quoted}</{key}>" if of_matrix and value.isalpha() else f'<{key}>"{quoted}"</{key}>'
     return f"<{key}>{_token(value)}</{key}>"
 
 
@@ -252,7 +252,9 @@ def _yaml_lines(key: str, value: Json, indent: str) -> Iterator[str]:
         for item in value:
             yield f"{deeper}- {_flow(item)}\n"
     else:
-        yield f"{indent}{key}: {value if key == 'dt' else _flow(value, deeper)}\n"
+        # OpenCV writes 2f in quotes, and takes it without them for a damaged number.
+        is_plain = key == "dt" and str(value).isalpha()
+        yield f"{indent}{key}: {value if is_plain else _flow(value, deeper)}\n"
 
 
 def _flow(value: Json, indent: str = "   ") -> str:

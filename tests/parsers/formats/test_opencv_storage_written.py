@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
@@ -35,6 +37,24 @@ def test_coefficients_that_are_all_zero_are_no_distortion() -> None:
         ".json", image_width=9, image_height=9, camera_matrix=K_CV, distortion_coefficients=np.zeros(8)
     )
     assert read(data)[0].distortion == NoDistortion()
+
+
+@pytest.mark.parametrize("suffix", SYNTAXES)
+def test_opencv_opens_a_file_that_carries_the_points_of_its_views(suffix: str, tmp_path: Path) -> None:
+    points = np.arange(24, dtype=np.float32).reshape(4, 3, 2)
+    data = by_opencv(
+        suffix,
+        image_width=5472,
+        image_height=3648,
+        camera_matrix=K_CV,
+        distortion_coefficients=D14[:5],
+        image_points=points,
+    )
+    path = tmp_path / f"again{suffix}"
+    parsers.write(read(data), path, "opencv_storage")
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
+    np.testing.assert_array_equal(storage.getNode("image_points").mat(), points)
+    np.testing.assert_allclose(storage.getNode("camera_matrix").mat(), K_CV)
 
 
 @pytest.mark.parametrize(
