@@ -1,8 +1,8 @@
 """Formats that are a K and a lens under a program's own names: what a row of their table says, and how it is read.
 
-The rows are in ``_programs`` and, of scenes and data sets, in ``_scenes``. A row names where its numbers stand by paths:
-``intrinsics.fx``, ``params[4:8]``, and ``cam_fx|A11`` for the first of two that is there. A file without names is made a
-document by the row's ``load``. A format that needs more than that is a module of its own.
+The rows are in ``_programs`` and, of scenes and data sets, in ``_scenes``. A row names where its numbers stand by
+paths: ``intrinsics.fx``, ``params[4:8]``, and ``cam_fx|A11`` for the first of two that is there. A file without names
+is made a document by the row's ``load``. A format that needs more than that is a module of its own.
 """
 
 from __future__ import annotations
