@@ -21,7 +21,7 @@ EXAMPLES = """\
 examples:
   calibrary formats              the table
   calibrary formats colmap       formats with a word in name or title, with their conventions
-  calibrary formats agisoft_xml  one format: an example in its own words, how it counts, its source
+  calibrary formats agisoft_xml   one format: an example in its own words, how it counts, its source
 """
 
 EXIT_NONE = 1
