@@ -2,13 +2,32 @@
 
 from __future__ import annotations
 
-from typing import Annotated, TypeAlias
+from typing import Annotated, NamedTuple, TypeAlias
 
+from calibrary.errors import InputError
 from calibrary.records import Meta
 
 Pixels: TypeAlias = Annotated[int, Meta(ge=1)]
 ImageSize: TypeAlias = tuple[Pixels, Pixels]
 """(width, height) px."""
+
+
+class Part(NamedTuple):
+    """A part of an image, in px from its top-left corner."""
+
+    left: int
+    top: int
+    width: int
+    height: int
+
+    @classmethod
+    def parse(cls, text: str) -> Part:
+        """Parse "100,50,4000,3000"."""
+        try:
+            return cls(*map(int, text.split(",")))
+        except (TypeError, ValueError):
+            raise InputError("expected X,Y,W,H in whole pixels, such as 100,50,4000,3000") from None
+
 
 ASPECT_TOLERANCE = 0.01
 """Two sizes can be the same image at two scales if their aspect ratios agree within 1 %."""

@@ -41,6 +41,23 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int
     return code, said.out, said.err
 
 
+def test_convert_writes_the_k_of_a_part_and_of_another_size(
+    xml: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out.yml"
+    written = ("convert", xml, out, "--to", "opencv", "--force")
+    assert run(capsys, *written, "--scale-to", "2736x1824")[0] == 0
+    assert calibrary.read(out).intrinsics == calibrary.read(xml).intrinsics.scaled((2736, 1824))
+    assert run(capsys, *written, "--crop", "100,50,4000,3000", "--scale-to", "2000x1500")[0] == 0
+    part = calibrary.read(xml).cropped((100, 50, 4000, 3000)).scaled((2000, 1500))
+    assert calibrary.read(out).intrinsics == part.intrinsics
+    assert run(capsys, *written, "--scale-to", "2000x2000")[0] == 3
+    assert run(capsys, *written, "--crop", "5000,0,1000,1000")[0] == 3
+    with pytest.raises(SystemExit):
+        run(capsys, *written, "--crop", "100x50")
+    assert "expected X,Y,W,H" in capsys.readouterr().err
+
+
 def test_inspect_tells_what_a_file_is_why_and_how_it_counts(
     xml: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

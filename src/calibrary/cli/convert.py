@@ -21,6 +21,8 @@ examples:
   calibrary convert camera.xml camera.yml --to opencv
   calibrary convert K.npy cameras.txt --to colmap --image-size 5472x3648
   calibrary convert rig.xml one.yml --to opencv --camera 2
+  calibrary convert camera.xml half.yml --to opencv --scale-to 2736x1824
+  calibrary convert camera.xml part.yml --to opencv --crop 100,50,4000,3000
   calibrary convert report.txt lens.xml --to metashape --max-error-px 0.2
   calibrary convert camera.xml database.db --into all               into the cameras of a COLMAP database
   calibrary convert rigs/ "old/*.yaml" converted/ --to kalibr       many, each into a file of its own

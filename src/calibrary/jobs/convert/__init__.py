@@ -16,9 +16,11 @@ from msgspec import Meta
 
 from calibrary.arguments import File, FormatName, Reading, paths
 from calibrary.errors import UsageError
+from calibrary.image_size import ImageSize, Part
 from calibrary.progress import Progress
 
 if TYPE_CHECKING:
+    from calibrary.calibration import Calibration
     from calibrary.jobs.convert.run import ConvertReport
 
 __all__ = ["convert"]
@@ -31,6 +33,8 @@ def convert(
     to: FormatName | None = None,
     into: Literal["all"] | Sequence[Annotated[int, Meta(ge=0)]] | None = None,
     max_error_px: Annotated[float, Meta(ge=0)] | None = None,
+    crop: Annotated[Part, Meta(title="X,Y,W,H")] | None = None,
+    scale_to: ImageSize | None = None,
     drop_distortion: bool = False,
     allow_prior: bool = False,
     force: bool = False,
@@ -46,6 +50,8 @@ def convert(
         to: the output's format, or the program that reads it (default: by the output's name).
         into: cameras of a COLMAP database that get the calibration, or all (default: the only possible ones).
         max_error_px: largest difference in px that may remain anywhere in the image (default: 0.05).
+        crop: write the K of this part of the image, counted from the top-left corner.
+        scale_to: write the K of the image resized to this size; with crop, of the part.
         drop_distortion: write K alone if the format has no place for a distortion, and an unknown distortion as none if
             the format always states one.
         allow_prior: write a K that was not measured, such as another program's default.
@@ -60,6 +66,7 @@ def convert(
         UsageError: several sources and no format, or ``into`` for another file than a database.
         InputError: the format is unknown, a source cannot be read, its K is implausible, or the output cannot be
             written.
+        FrameError: the image has no such part, or the size has another aspect ratio.
         UnsupportedModelError: the format cannot represent the calibration, or would lose its distortion.
     """
     from functools import partial
@@ -70,6 +77,7 @@ def convert(
     encode = partial(
         parsers.encode, max_error_px=max_error_px, drop_distortion=drop_distortion, allow_prior=allow_prior
     )
+    reframed = partial(_reframed, crop=crop, scale_to=scale_to)
     given, place, reading = paths(sources), Path(output), reading or Reading()
     is_pattern = "*" in str(given[0]) and not given[0].exists()
     if len(given) == 1 and not (is_pattern or given[0].is_dir() or place.is_dir()):
@@ -80,6 +88,7 @@ def convert(
             to=to,
             into=into,
             encode=encode,
+            reframed=reframed,
             force=force,
         )
     if into is not None:
@@ -92,6 +101,13 @@ def convert(
         reading,
         to=to,
         encode=encode,
+        reframed=reframed,
         force=force,
         progress=progress,
     )
+
+
+def _reframed(camera: Calibration, crop: Part | None, scale_to: ImageSize | None) -> Calibration:
+    """The camera of a part of the image, or of the resized image."""
+    part = camera.cropped(crop) if crop is not None else camera
+    return part.scaled(scale_to) if scale_to is not None else part

@@ -109,10 +109,11 @@ def convert_one(
     to: str | None,
     into: Into,
     encode: Encode,
+    reframed: Reframe,
     force: bool,
 ) -> ConvertReport:
-    """Convert one file; ``encode`` is on the caller's terms, the rest as of :func:`calibrary.jobs.convert.convert`."""
-    cameras = _cameras(source, reading, force=force)
+    """Convert one file; ``encode`` and ``reframed`` are the caller's, the rest is as of the job."""
+    cameras = _cameras(source, reading, reframed, force=force)
     record = format_named(to, output) if to is not None else parsers.format_by_suffix(output, flag="--to")
     if record.name == DATABASE:
         verdict, change, backup = write_into_database(cameras, output, into=into, encode=encode)
@@ -135,6 +136,7 @@ def convert_files(
     *,
     to: str,
     encode: Encode,
+    reframed: Reframe,
     force: bool,
     progress: Progress | None,
 ) -> ConvertReport:
@@ -160,7 +162,7 @@ def convert_files(
     taken: set[Path] = set()
     for done, (path, is_named) in enumerate(listed, start=1):
         try:
-            cameras = _cameras(path, reading, force=force)
+            cameras = _cameras(path, reading, reframed, force=force)
         except CalibraryError as error:
             if is_named or not isinstance(error, UnknownFormatError):
                 found.append(ConvertedFile(source=path.name, format=record.name, error=_message(error)))
@@ -171,13 +173,13 @@ def convert_files(
     return ConvertReport(files=tuple(found))
 
 
-def _cameras(path: Path, reading: Reading, *, force: bool) -> Sequence[Calibration]:
+def _cameras(path: Path, reading: Reading, reframed: Reframe, *, force: bool) -> Sequence[Calibration]:
     cameras = read_file(path, reading)
     if reading.camera is not None:
         cameras = [choose(cameras, reading.camera, source=path.name)]
     if not force:
         refuse_implausible(cameras, path.name)
-    return cameras
+    return [reframed(camera) for camera in cameras]
 
 
 def _message(error: CalibraryError) -> str:
@@ -253,6 +255,7 @@ MODEL: Final = "colmap/model"
 LISTED: Final = 12
 
 Encode: TypeAlias = Callable[..., tuple[bytes, WriteVerdict]]
+Reframe: TypeAlias = Callable[[Calibration], Calibration]
 Into = Sequence[int] | str | None
 """Camera numbers in the database, "all", or None to choose them if the choice is unambiguous."""
 
