@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from calibrary.cli.commands import add_json_flag, print_json
 from calibrary.cli.flags import add_flags, call
 from calibrary.cli.registry import add_registry_flag, opened, where
-from calibrary.cli.registry.changes import agreed, can_ask, decide, screen_of_change
+from calibrary.cli.registry.changes import add_yes_flag, agreed, can_ask, decide, screen_of_change
 from calibrary.jobs.fleet import Fleet
 
 if TYPE_CHECKING:
@@ -26,8 +26,8 @@ examples:
   calibrary registry approve --from onboard/dji-fc6310r               all that 'calibrary onboard' proposed there
 
 An approval is bound to the content that you reviewed. Without a digest or commit, the command shows the proposal and
-asks on a terminal, and refuses elsewhere. A K that contradicts what is known of the camera needs --force and a
---reason, and stays marked.
+asks on a terminal, and refuses elsewhere; --yes approves what it shows. A K that contradicts what is known of the
+camera needs --force and a --reason, and stays marked.
 """
 
 
@@ -40,6 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         spelled={"source": "--from", "digests": "--digest"},
         without=("approve", "branch"),
     )
+    add_yes_flag(parser, "approve what is proposed now, without asking")
     add_registry_flag(parser)
     add_json_flag(parser)
 
@@ -68,12 +69,12 @@ def _approve_rules(arguments: argparse.Namespace) -> int:
         screen.say(plain(line))
     digest = arguments.digests[0] if arguments.digests else oid
     if not arguments.digests:
-        if not can_ask():
+        if not (arguments.yes or can_ask()):
             arguments.parser.error(
                 "nothing was written: there is no terminal to ask on. Once you have looked at it: calibrary registry "
                 f"approve {RULES}{where(arguments)} --digest {oid[:12]}"
             )
-        if not agreed(argparse.Namespace(yes=False, parser=arguments.parser), "Put that in force?"):
+        if not agreed(arguments, "Put that in force?"):
             screen.say("nothing was written")
             return 0
     done = fleet.approve_rules(digest, arguments.reason)
@@ -92,11 +93,11 @@ def _is_agreed(arguments: argparse.Namespace, change: ProposedChange) -> bool:
     if not pending or arguments.digests or at_commits:
         return True
     names = pending[0].entry.id if len(pending) == 1 else f"these {len(pending)} entries"
-    if not can_ask():
+    if not (arguments.yes or can_ask()):
         digests = " ".join(f"--digest {(one.approves or '')[:12]}" for one in pending)
         branch = f" --from {arguments.source}" if arguments.source is not None else ""
         arguments.parser.error(
             f"nothing was written: there is no terminal to ask on. Once you have looked at it: calibrary registry "
             f"approve {' '.join(one.entry.id for one in pending)}{branch}{where(arguments)} {digests}"
         )
-    return agreed(argparse.Namespace(yes=False, parser=arguments.parser), f"Approve {names}?")
+    return agreed(arguments, f"Approve {names}?")
