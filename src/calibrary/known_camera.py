@@ -13,7 +13,7 @@ from typing import Annotated, Any, Final, TypeAlias
 from msgspec import Struct
 
 from calibrary.errors import InputError
-from calibrary.image_size import ImageSize
+from calibrary.image_size import ImageSize, same_aspect
 from calibrary.records import Json, Meta, Record, replace, require_declared
 
 
@@ -321,6 +321,18 @@ class KnownCamera(Record):
         if self.pitch_um is None or self.native_size is None:
             return None
         return focal_mm * 1000.0 / self.pitch_um / self.native_size[0]
+
+    def focal_lengths_px(self) -> dict[ImageSize, float]:
+        """Return fx of its nominal lens for each image size that it writes, as far as the entry states them."""
+        whole, over_width = self.native_size, self.fx_over_w_at(self.focal_mm)
+        if whole is None or over_width is None or self.projection is not Projection.PERSPECTIVE:
+            return {}
+        fx = over_width * whole[0]
+        # Another shape is a 1:1 crop of the whole frame; the same shape is the frame resized.
+        return {
+            size: fx * size[0] / whole[0] if same_aspect(size, whole) else fx
+            for size in self.sizes or (whole,)
+        }
 
     def answers(self, sub_camera: str) -> bool:
         """Return whether a tag in the common vocabulary names exactly this camera."""

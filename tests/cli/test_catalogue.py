@@ -40,6 +40,15 @@ def test_a_model_is_told_with_the_source_of_every_number(capsys: pytest.CaptureF
         assert all(conflict in text for conflict in camera.conflicts)
 
 
+def test_a_model_is_told_with_the_k_of_each_size_that_it_writes(capsys: pytest.CaptureFixture[str]) -> None:
+    text = printed(capsys, "FC6310")
+    for size, cx in (("5472×3648", 2736), ("4864×3648", 2432), ("5472×3078", 2736)):
+        assert f"K of {size}: fx 3660.8 fy 3660.8 cx {cx} " in text
+    half = "K of 4000×3000: fx 2752.0 fy 2752.0 cx 2000 cy 1500 px, nominal"
+    assert half in printed(capsys, "M3T")
+    assert "K of" not in printed(capsys, "HERO6 Black")
+
+
 @pytest.mark.parametrize("words", ["phantom 4", "PHANTOM 4", "4 phantom", "fc6310"])
 def test_a_camera_is_found_by_words_in_any_case_and_order(
     capsys: pytest.CaptureFixture[str], words: str

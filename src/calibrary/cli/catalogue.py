@@ -30,7 +30,7 @@ DESCRIPTION = "Print the known cameras, their pixels and the source of each numb
 EXAMPLES = """\
 examples:
   calibrary catalogue                  every camera
-  calibrary catalogue M3T              cameras with this Model, with sources and conflicts
+  calibrary catalogue M3T              cameras with this Model, with K, sources and conflicts
   calibrary catalogue "phantom 4"      by its common name
   calibrary catalogue --table cameras.csv
 """
@@ -92,6 +92,10 @@ def _show(screen: Screen, cameras: Sequence[KnownCamera]) -> None:
         screen.say(f"[bold]{plain(camera.title)}[/] — sources")
         for field, source in camera.sources:
             screen.say(f"  {field}: {plain(source)}")
+        for (width, height), fx in camera.focal_lengths_px().items():
+            lens = f" at {camera.focal_mm:g} mm" if camera.zoom_mm is not None and camera.focal_mm else ""
+            middle = f"cx {width / 2:g} cy {height / 2:g}"
+            screen.say(f"  K of {width}×{height}{lens}: fx {fx:.1f} fy {fx:.1f} {middle} px, nominal")
         for conflict in camera.conflicts:
             screen.say(f"  [yellow]sources disagree[/]: {plain(conflict)}")
         for remark in camera.notes:
