@@ -19,6 +19,14 @@ def test_the_package_explains_itself() -> None:
     assert [name for name in NAMES if name not in told] == []
 
 
+def test_help_begins_with_the_functions_and_a_signature_names_the_policy() -> None:
+    told = pydoc.plain(pydoc.render_doc(calibrary))
+    description = told[told.index("DESCRIPTION") : told.index("PACKAGE CONTENTS")]
+    functions = [name for name in NAMES if inspect.isfunction(getattr(calibrary, name))]
+    assert [name for name in functions if f"``{name}``" not in description] == []
+    assert "policy: 'PolicyLike' = <Policy fleet>" in str(inspect.signature(calibrary.extract))
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_every_public_name_explains_itself(name: str) -> None:
     assert len(pydoc.plain(pydoc.render_doc(getattr(calibrary, name)))) > 100

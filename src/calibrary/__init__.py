@@ -1,5 +1,9 @@
 """A library of the camera calibrations of a fleet: derive, validate and store one K per camera.
 
+Functions: ``read`` and ``read_all`` a file or an image, ``write`` and ``refit`` for another program, ``extract`` and
+``check`` the K of a flight, ``extract_intrinsic_matrix`` of one image, ``undistort`` an array, ``calibrate`` from a
+board or a flight, ``compare`` and ``validate`` calibrations, ``open_registry``. help(calibrary.read) explains one.
+
 >>> camera = calibrary.read("camera.xml")
 >>> K, dist = camera.to_opencv()
 """
@@ -24,6 +28,7 @@ if TYPE_CHECKING:
     from calibrary.jobs.files import read, read_all, refit, write
     from calibrary.jobs.fleet import Fleet, open_registry
     from calibrary.jobs.resolve.run import FleetAnswer
+    from calibrary.jobs.undistort.arrays import undistort
     from calibrary.policy import FLEET, SOURCE, Policy
     from calibrary.validation import Report, Verdict, validate
     from calibrary.version import __version__
@@ -57,6 +62,7 @@ __all__ = [
     "read",
     "read_all",
     "refit",
+    "undistort",
     "validate",
     "write",
 ]
@@ -76,6 +82,7 @@ _HOMES = {
     "calibrary.jobs.calibrate": ("calibrate",),
     "calibrary.jobs.calibrate.report": ("CalibrateReport",),
     "calibrary.jobs.fleet": ("Fleet", "open_registry"),
+    "calibrary.jobs.undistort.arrays": ("undistort",),
     "calibrary.policy": ("FLEET", "SOURCE", "Policy"),
     "calibrary.validation": ("Report", "Verdict", "validate"),
     "calibrary.version": ("__version__",),

@@ -130,6 +130,31 @@ class Calibration(Record):
             schema["required"] = [*schema["required"], "K"]
         return schema | {"properties": _behind("intrinsics", {"K": matrix}, members)}
 
+    @property
+    def K(self) -> FloatArray:  # noqa: N802  the name of the matrix everywhere
+        """The intrinsic matrix, (3, 3), in px from the outer corner of the top-left pixel, as in calibrary's own files.
+
+        For ``cv2``, which counts from that pixel's centre, take the K of :meth:`to_opencv`.
+        """
+        return self.intrinsics.matrix
+
+    @property
+    def dist(self) -> FloatArray | None:
+        """The distortion coefficients in OpenCV's order, as :meth:`to_opencv` returns them; None when unknown.
+
+        Raises:
+            UnsupportedModelError: OpenCV has no exactly equivalent model.
+        """
+        return opencv.coefficients_of(self.distortion) if self.distortion is not None else None
+
+    def __repr__(self) -> str:
+        K, lens = (
+            self.intrinsics,
+            self.distortion.model if self.distortion is not None else "unknown distortion",
+        )
+        numbers = " ".join(f"{name} {getattr(K, name):.2f}" for name in ("fx", "fy", "cx", "cy"))
+        return f"<Calibration of {self.camera}: {numbers} px, {lens}, {self.grade.value}>"
+
     def to_dict(self) -> dict[str, Json]:
         """Return the calibration as plain data for JSON (schemas/calibration-1.schema.json)."""
         return to_json(self)
@@ -270,7 +295,7 @@ class Calibration(Record):
             )
         matrix = K.matrix
         matrix[:2, 2] = file_from_canonical((K.cx, K.cy), Origin.PIXEL_CENTRE, K.image_size)
-        return matrix, opencv.coefficients_of(self.distortion) if self.distortion is not None else None
+        return matrix, self.dist
 
     @classmethod
     def from_opencv(

@@ -79,6 +79,10 @@ class Policy(Record, tag_field="schema", tag="calibrary/policy-1"):
     drift_rms_px: Annotated[float, Meta(ge=0)] = 0.5
     drift_max_px: Annotated[float, Meta(ge=0)] = 1.0
 
+    def __repr__(self) -> str:
+        """The name alone, so that a signature does not show every limit."""
+        return f"<Policy {self.name}>"
+
     @classmethod
     def _unwire(cls, document: dict[str, Json]) -> dict[str, Json]:
         """Fill in values that the file does not state from its base policy; the default base is ``fleet``."""

@@ -15,6 +15,7 @@ from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intr
 from calibrary.distortion import BrownConrady, KannalaBrandt, NoDistortion
 from calibrary.errors import FrameError, InputError
 from calibrary.image_size import same_aspect
+from calibrary.records import replace
 from tests.strategies import DISTORTIONS, brown, calibration, cameras, grid
 from tests.thorough import examples
 
@@ -273,3 +274,15 @@ def test_a_camera_is_named_without_saying_its_maker_twice() -> None:
         "DJI FC6310R 8.8 mm 5472×3648"
     )
     assert str(CameraKey()) == "unknown camera"
+
+
+def test_k_and_dist_are_the_matrix_of_the_file_and_opencvs_coefficients() -> None:
+    K = [[3650.0, 0.0, 2735.5], [0.0, 3650.0, 1823.5], [0.0, 0.0, 1.0]]
+    camera = Calibration.from_opencv(K, [-0.1, 0.02, 0.001, -0.002, 0.03], image_size=(5472, 3648))
+    assert camera.K.tolist() == camera.to_dict()["K"]
+    assert camera.dist is not None
+    assert camera.dist.tolist() == [-0.1, 0.02, 0.001, -0.002, 0.03]
+    assert replace(camera, distortion=None).dist is None
+    assert repr(camera) == (
+        "<Calibration of unknown camera 5472×3648: fx 3650.00 fy 3650.00 cx 2736.00 cy 1824.00 px, brown, calibrated>"
+    )
