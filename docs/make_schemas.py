@@ -32,6 +32,7 @@ PRINTED: Final[Mapping[str, str]] = {
     "undistort-1": "calibrary.jobs.undistort.run:UndistortReport",
     "inspect-1": "calibrary.jobs.inspect.run:InspectReport",
     "inspect-files-1": "calibrary.jobs.inspect.run:InspectFilesReport",
+    "k-1": "calibrary.jobs.k.run:OneK",
     "convert-2": "calibrary.jobs.convert.run:ConvertReport",
     "formats-1": "calibrary.parsers.discovery:FormatListing",
     "onboard-1": "calibrary.jobs.onboard.report:OnboardReport",

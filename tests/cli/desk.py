@@ -78,6 +78,7 @@ COMMANDS: dict[str, tuple[int, str]] = {
     "inspect camera.xml": (0, "3660.5000"),
     "inspect survey/a.jpg --tags": (0, "FC6310R"),
     "convert camera.xml new/v/camera.yml --to opencv_storage": (0, "camera.yml"),
+    "k camera.xml": (0, "3660.5"),
     "formats": (0, "agisoft_xml"),
     "formats colmap": (0, "colmap_text"),
     "catalogue": (0, "FC6310R"),

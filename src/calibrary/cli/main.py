@@ -52,6 +52,7 @@ GROUPS = (
     (
         "calibration files",
         (
+            ("k", "print the K of one image, calibration file or camera"),
             ("inspect", "show what a calibration file or an image contains"),
             ("convert", "write a calibration in another program's format"),
             ("formats", "list the calibration files that are read and written"),

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from calibrary.cli.main import main
 from calibrary.registry.checks import check_range
 from calibrary.registry.entry import Status
 from calibrary.registry.entry_yaml import entry_yaml
@@ -40,6 +41,23 @@ def by(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
 def unapproved(fleet: Path, base: str) -> list[str]:
     found = check_range(Registry.open(fleet).snapshot(), base, None).findings
     return [finding.message for finding in found if finding.rule == "approval"]
+
+
+def test_yes_approves_what_is_proposed_now(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    add(xml(tmp_path / "a.xml"))
+    code, out, _ = run(capsys, "approve", P4R, "--yes")
+    assert code == 0
+    assert "approved" in out
+    assert held(fleet).entry.status is Status.APPROVED
+    assert main(["k", P4R]) == 0
+    assert capsys.readouterr().out.startswith("3660.5 0.0 2731.5\n")
+    assert main(["k", "nobody/nothing"]) == 4
+    rules = fleet / "registry.yaml"
+    rules.write_text(rules.read_text() + 'approvals: {by: ["Ada Keeper"], count: 1}\n')
+    git(fleet, "commit", "--quiet", "-am", "Ask for approvals")
+    assert run(capsys, "approve", "registry.yaml", "--yes")[0] == 0
 
 
 def test_who_proposed_and_who_approved_are_two_things_and_both_are_shown(
