@@ -39,7 +39,6 @@ from calibrary.registry.paths import (
     ROOT,
     STATEMENTS,
     SUFFIX,
-    check_path,
     id_of,
     in_use_path,
     is_entry,
@@ -47,7 +46,7 @@ from calibrary.registry.paths import (
     model_folder,
 )
 from calibrary.registry.places import CONFIGURATION_FILE
-from calibrary.registry.snapshot import Snapshot, entry_paths, proposal_paths, read_entry_file
+from calibrary.registry.snapshot import Snapshot, paths_below, read_entry_file
 from calibrary.registry.standing import UNREAD, Standing
 from calibrary.registry.statements import subject_of
 from calibrary.validation import Finding, Severity
@@ -192,16 +191,25 @@ class EntryFiles(Mapping[str, bytes]):
         return len(self._order)
 
 
-def completed(findings: Iterable[Finding], files: EntryFiles, paths: Iterable[str]) -> tuple[Finding, ...]:
-    """Add findings on unreadable files, and on names that some file system or git does not allow."""
+def completed(findings: Iterable[Finding], files: EntryFiles) -> tuple[Finding, ...]:
+    """Add findings on unreadable files."""
     listed = [finding for finding in findings if finding.place not in files.unreadable]
     listed += [finding_of(path, "entry", message) for path, message in files.unreadable.items()]
-    for path in paths:
-        try:
-            check_path(path)
-        except RegistryError as error:
-            listed.append(finding_of(path, "place", f"{error}; move it"))
     return in_order(listed)
+
+
+def _of_strays(paths: Iterable[str]) -> Iterator[Finding]:
+    """Find files beside the entries: one that looks like an entry is an error, as somebody may rely on it."""
+    for path in paths:
+        is_meant = path.endswith(SUFFIX)
+        add = "'calibrary registry add FILE' puts its K where it belongs; then take the file out"
+        yield Finding(
+            rule="stray",
+            severity=Severity.ERROR if is_meant else Severity.WARNING,
+            place=path,
+            message="no camera's KEY gives this path, so that nothing reads the file",
+            remedy=add if is_meant else "take it out",
+        )
 
 
 FOLDERS: Final = (CAMERAS, PROPOSALS)
@@ -227,7 +235,7 @@ def check_all(
     """
     if snapshot.repo is None or snapshot.commit is None:
         return check_work_tree(snapshot, policy, judge, progress=progress)
-    paths = [*snapshot.paths, *filter(is_entry, snapshot.proposed)]
+    paths = [*snapshot.paths, *snapshot.proposed]
     files, index = EntryFiles(paths, snapshot.committed_many, progress, snapshot.contents), snapshot.contents
     policy = policy or snapshot.configuration.policy
     keys = _content_keys({**snapshot.paths, **snapshot.proposed}, paths, policy, judge)
@@ -241,16 +249,19 @@ def check_all(
     index.file.keep(CHECKED, new, most=4 * len(keys))
     findings = (
         *_not_files(snapshot.repo.listing(snapshot.commit, *FOLDERS, STATEMENTS, irregular=True)),
-        *completed(found, files, files),
+        *completed(found, files),
+        *_of_strays(snapshot.strays),
         *of_statements(snapshot),
-        *_on_no_entry(snapshot.configuration, snapshot.paths),
+        *_of_rules(snapshot.configuration, snapshot.paths),
     )
     what = f"{count_of(len(files))} at {snapshot.commit[:12]}"
     return CheckDocument.of(what, len(files), findings, commit=snapshot.commit)
 
 
-def _on_no_entry(rules: Configuration, paths: Collection[str]) -> Iterator[Finding]:
-    """Find rules of when to calibrate again that are on none of the entries."""
+def _of_rules(rules: Configuration, paths: Collection[str]) -> Iterator[Finding]:
+    """Find damage of the configuration, and rules of when to calibrate again that are on none of the entries."""
+    if rules.damage is not None:
+        yield finding_of(CONFIGURATION_FILE, "configuration", rules.damage)
     for rule in rules.repeat:
         if not any(map(rule.is_on, paths)):
             yield Finding(
@@ -301,15 +312,13 @@ def check_work_tree(
         if snapshot.repo.work_tree is None:
             raise RegistryError(f"{snapshot.place}: a bare repository has no work tree; leave out --worktree")
         root = snapshot.repo.work_tree
-    paths = [*entry_paths(root)]
-    files = EntryFiles(
-        [*paths, *proposal_paths(root)],
-        lambda names: (read_entry_file(root, name) for name in names),
-        progress,
-    )
+    every = paths_below(root)
+    paths = [*filter(is_entry, every)]
+    files = EntryFiles(paths, lambda names: (read_entry_file(root, name) for name in names), progress)
     findings = (
-        *completed(check(files, policy or snapshot.configuration.policy, judge=judge), files, files),
-        *_on_no_entry(snapshot.configuration, paths),
+        *completed(check(files, policy or snapshot.configuration.policy, judge=judge), files),
+        *_of_strays(path for path in every if not is_entry(path)),
+        *_of_rules(snapshot.configuration, paths),
     )
     return CheckDocument.of(f"{count_of(len(files))} in the folder", len(files), findings)
 
@@ -367,18 +376,19 @@ def check_range(
     repo, newest = snapshot.require_git("has no revisions; leave out REV..REV")
     start = commit_at(repo, parse_rev(before))
     # The rules before the change apply: a pull request cannot loosen the rules for itself.
-    rules = configuration_at(repo, start)
+    rules = configuration_at(repo, start) or Configuration()
     policy = policy or rules.policy
     end = commit_at(repo, parse_rev(after)) if after is not None else newest
     at_end = replace(snapshot, commit=end, known_paths=None) if end != newest else snapshot
-    differing = [file for folder in FOLDERS for file in changed(repo, start, end, folder)]
+    every = [file for folder in FOLDERS for file in changed(repo, start, end, folder)]
+    differing = [file for file in every if is_entry(file.path)]
     own = {file.path for file in differing if file.after is not None}
     new = _affected(repo, end, {file.path: file.after for file in differing})
     old = _affected(repo, start, {file.path: file.before for file in differing})
     files = EntryFiles.in_git(repo, new, progress)
     earlier_files = EntryFiles.in_git(repo, old)
     before_change = _before(repo, old, own)
-    found = completed(check(files, policy, before_change, judge=judge), files, own)
+    found = completed(check(files, policy, before_change, judge=judge), files)
     known = set(check(earlier_files, policy, judge=judge)) if len(own) < len(files) else set()
     findings = tuple(item for item in found if item.place in own or item not in known)
     findings = (
@@ -387,6 +397,7 @@ def check_range(
             path for folder in (*FOLDERS, STATEMENTS) for path in not_files(repo, start, end, folder)
         ),
         *findings,
+        *_of_strays(file.path for file in every if file.after is not None and not is_entry(file.path)),
         *_removed_statements(repo, start, end),
         *of_statements(at_end, sorted(_concerned(repo, start, end, own, at_end))),
     )
@@ -406,6 +417,9 @@ def _concerned(
 
 
 def _of_configuration(repo: Repository, start: str, end: str) -> Iterator[Finding]:
+    said = configuration_at(repo, end)
+    if said is not None and said.damage is not None:
+        yield finding_of(CONFIGURATION_FILE, "configuration", said.damage)
     files = [repo.read(commit, CONFIGURATION_FILE) for commit in (start, end)]
     if files[0] is not None and (files[1] is None or files[0].oid != files[1].oid):
         yield Finding(
@@ -448,7 +462,8 @@ def _affected(repo: Repository, commit: str, touched: Mapping[str, str | None]) 
     claims += [one for one in index.mentions(SUPERSEDES) if one[2] in ids]
     folders |= {model_folder(path) for path, *_ in claims}
     # A proposal affects only the entry that it will replace.
-    return repo.listing(commit, *sorted(folders)) | own
+    listed = repo.listing(commit, *sorted(folders))
+    return {path: oid for path, oid in listed.items() if is_entry(path)} | own
 
 
 def of_statements(snapshot: Snapshot, paths: Iterable[str] | None = None) -> Iterator[Finding]:
@@ -465,7 +480,7 @@ def of_statements(snapshot: Snapshot, paths: Iterable[str] | None = None) -> Ite
                 remedy="calibrary registry init FOLDER",
             )
         return
-    wanted = [path for path in snapshot.paths if is_entry(path)] if paths is None else [*paths]
+    wanted = [*snapshot.paths] if paths is None else [*paths]
     for path, standing in snapshot.standings(wanted).items():
         yield from _of_standing(path, standing)
     if paths is not None:

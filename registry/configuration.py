@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from datetime import date
 from functools import partial
 from typing import Annotated, Any, Final
 
-from calibrary.errors import InputError, ParseError, RegistryError
+from calibrary.errors import InputError, RegistryError
 from calibrary.policy import FLEET, POLICIES, Policy
 from calibrary.records import Json, Meta, Record, from_json, replace, to_json
 from calibrary.registry.entry import CURRENT
 from calibrary.registry.firmware import Version, compare
+from calibrary.registry.git.errors import TooLargeError
+from calibrary.registry.git.history import history
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.paths import DOCUMENT, id_of
 from calibrary.registry.places import CONFIGURATION_FILE
@@ -193,6 +196,7 @@ class Configuration(Record, tag_field="schema", tag="calibrary/registry-1"):
         people: people of the registry with the keys that they sign with.
         approvals: requirements for the use of an entry; one approval by any person when absent.
         repeat: when the calibrations of some models are to be made again; of those that fit, the longest name counts.
+        damage: why the file cannot be read, and that this is what it said before; None if it can.
     """
 
     layout: Annotated[int, Meta(ge=1, le=LAYOUT)] = LAYOUT
@@ -201,6 +205,8 @@ class Configuration(Record, tag_field="schema", tag="calibrary/registry-1"):
     people: Annotated[tuple[Keyholder, ...], Meta(max_length=200)] = ()
     approvals: ApprovalRule | None = None
     repeat: Annotated[tuple[Repeat, ...], Meta(max_length=200)] = ()
+    damage: str | None = None
+    _unwritten = frozenset({"damage"})
 
     def repeat_of(self, path: str, months: int) -> Repeat:
         """Return when the calibration at a path is to be made again; after so many months if nothing says otherwise."""
@@ -250,9 +256,9 @@ def parse_configuration(data: bytes, name: str = CONFIGURATION_FILE) -> Configur
     """Read a configuration.
 
     Raises:
-        ParseError: it is not YAML, does not match schemas/registry-1.schema.json, or has a newer layout than is
-            supported.
+        ParseError: it is not YAML, or does not match schemas/registry-1.schema.json.
         InputError: a limit of its policy is out of range.
+        RegistryError: it has a newer layout than is supported.
     """
     value = load_yaml(data, source=name, max_bytes=LARGEST)
     if isinstance(value, dict):
@@ -260,17 +266,22 @@ def parse_configuration(data: bytes, name: str = CONFIGURATION_FILE) -> Configur
     return from_json(Configuration, value, source=name, locate=partial(line_of, data))
 
 
-def configuration_at(repo: Repository, commit: str) -> Configuration:
-    """Return the configuration at a commit; the default if there was none.
+def configuration_at(repo: Repository, commit: str) -> Configuration | None:
+    """Return the configuration at a commit, if need be the last one that can be read; None if there is none.
 
     Raises:
-        RegistryError: the configuration cannot be read.
+        RegistryError: it is of a newer layout than is supported, or git cannot read it.
     """
-    blob = repo.read(commit, CONFIGURATION_FILE)
     try:
-        return parse_configuration(blob.data) if blob is not None else Configuration()
-    except InputError as error:
-        raise RegistryError(f"{repo.path}: {error}") from None
+        blob = repo.read(commit, CONFIGURATION_FILE)
+        return parse_configuration(blob.data) if blob is not None else None
+    except (InputError, TooLargeError) as error:
+        damage = f"{error}; until it is corrected, what it said before counts"
+    for revision in history(repo, CONFIGURATION_FILE, commit):
+        with suppress(InputError, TooLargeError):
+            if revision.oid is not None:
+                return replace(parse_configuration(repo.blob(revision.oid)), damage=damage)
+    return Configuration(damage=damage)
 
 
 def _refuse_newer(document: Mapping[str, YamlValue], name: str) -> None:
@@ -285,10 +296,8 @@ def _refuse_newer(document: Mapping[str, YamlValue], name: str) -> None:
         raise _newer(name, "layout", str(layout), str(LAYOUT))
 
 
-def _newer(name: str, place: str, found: str, supported: str) -> ParseError:
-    return ParseError(
-        f"is {found}, and this calibrary reads up to {supported}; upgrade calibrary: the registry was written by a "
-        "newer version, and git log shows when",
-        source=name,
-        place=place,
+def _newer(name: str, place: str, found: str, supported: str) -> RegistryError:
+    return RegistryError(
+        f"{name}: {place}: is {found}, and this calibrary reads up to {supported}; upgrade calibrary: the registry was "
+        "written by a newer version, and git log shows when"
     )

@@ -237,7 +237,7 @@ def check(
         known: what is known of models, by their folder, from checking the same content before; others are added.
     """
     tree, known = _Tree(entries), {} if known is None else known
-    findings = list(tree.names())
+    findings: list[Finding] = []
     for folder, paths in groupby(sorted(entries, key=check_order), key=model_folder):
         data, group = {path: entries[path] for path in paths}, dict[str, Entry]()
         done = known.get(folder)
@@ -312,16 +312,6 @@ class _Tree:
         self._named: dict[tuple[str, str], dict[str, str]] = {}
         self._labels: dict[str, dict[str, str]] = {}
         self._units: dict[str, tuple[str, str]] = {}
-
-    def names(self) -> Iterator[Finding]:
-        """Find paths that are identical on a file system that ignores letter case."""
-        seen: dict[str, str] = {}
-        for path in self.paths:
-            other = seen.setdefault(path.casefold(), path)
-            if other != path:
-                yield finding_of(
-                    path, "unique", f"differs from {other} only in letter case; remove one of them"
-                )
 
     def references(self, entry: Naming) -> Iterator[Finding]:
         """Check the entry that one supersedes, and its aliases."""

@@ -43,7 +43,7 @@ from calibrary.registry.paths import (
     is_entry,
     is_proposal,
 )
-from calibrary.registry.resolution import AliasMap, is_keyed
+from calibrary.registry.resolution import AliasMap
 from calibrary.registry.standing import Standing
 from calibrary.registry.statements import RULES, parse_statement
 from calibrary.strictyaml import load_yaml
@@ -352,7 +352,7 @@ BLOCK: Final = 500
 
 LINE_OF_LABEL: Final = re.compile(rb"^label:.*$", re.MULTILINE)
 T = TypeVar("T")
-ALIAS, LABEL, SUPERSEDES, IRREGULAR, NAMED = "alias", "label", "supersedes", "irregular", "named"
+ALIAS, LABEL, SUPERSEDES, NAMED = "alias", "label", "supersedes", "named"
 NAMING_KEYS: Final = (b"aliases", b"supersedes")
 """Keys of a file that may state names; files without them are not parsed for this."""
 _PACKED: Final = msgspec.msgpack.Decoder(Entry)
@@ -469,11 +469,6 @@ class Index:
                 make, _, model = name.partition("\n")
                 found.setdefault((make, model), set()).add(folder)
         return {name: frozenset(folders) for name, folders in found.items()}
-
-    @cached_property
-    def irregular(self) -> tuple[str, ...]:
-        """Paths in ``cameras/`` that no camera's key gives."""
-        return tuple(path for path, *_ in self.mentions(IRREGULAR))
 
     def parsed(
         self, files: Iterable[tuple[str, str, bytes | InputError]]
@@ -653,8 +648,6 @@ def index_at(repo: Repository, commit: str, *, folder: Path | None = None) -> In
 def _all_stated_names(repo: Repository, files: Mapping[str, str]) -> Iterator[Mention]:
     paths: Sequence[str] = [path for path in files if is_entry(path)]
     for path, data in zip(paths, repo.readable([files[path] for path in paths]), strict=True):
-        if not is_proposal(path) and not is_keyed(path):
-            yield path, IRREGULAR, "", ""
         if any(word in data for word in NAMING_KEYS):
             entry = parsed_or_error(path, data, require_digest=False)
             if isinstance(entry, Entry):

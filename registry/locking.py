@@ -9,10 +9,10 @@ refused.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Final, NoReturn
+from typing import Annotated, Final
 
 from msgspec import Struct, field
 
@@ -62,17 +62,14 @@ def pinned(snapshot: Snapshot, paths: Iterable[str]) -> Lock:
     return Lock(registry=snapshot.place.name or None, commit=snapshot.commit, pins=pins)
 
 
-def usable_paths(snapshot: Snapshot) -> list[str]:
+def usable_paths(snapshot: Snapshot, unreadable: Callable[[RegistryError], None]) -> list[str]:
     """Return the paths of the entries that may be used.
 
-    Raises:
-        RegistryError: an entry cannot be read.
+    Args:
+        snapshot: state of the registry.
+        unreadable: called with the error of each entry that cannot be read.
     """
-
-    def refuse(error: RegistryError) -> NoReturn:
-        raise error
-
-    rows = snapshot.rows(snapshot.paths, unreadable=refuse)
+    rows = snapshot.rows(snapshot.paths, unreadable=unreadable)
     return [path for path, row in rows if row["status"] == Status.APPROVED]
 
 

@@ -131,9 +131,16 @@ def folder_of(make: str, model: str) -> str:
     return f"{ROOT}{slug(make)}/{slug(model)}/"
 
 
+_PART: Final = "[a-z0-9_][a-z0-9._~-]*"
+_LEAF: Final = "[0-9]+x[0-9]+(?:~[0-9a-f]{10}|(?:[+][a-z][a-z0-9._~-]*)*)"
+_ENTRY: Final = re.compile(
+    rf"(?:{ROOT}|{PROPOSED}){_PART}/{_PART}/(?:{UNIT}{_PART}/)?{_LEAF}{re.escape(SUFFIX)}"
+)
+
+
 def is_entry(path: str) -> bool:
-    """Return whether a file is an entry, by its name."""
-    return path.endswith(SUFFIX) and not path.rpartition("/")[2].startswith(".")
+    """Return whether a path is one that :func:`path_of` gives, in use or proposed; nothing else is read as an entry."""
+    return _ENTRY.fullmatch(path) is not None
 
 
 def path_of(camera: CameraKey, firmware: FirmwareRange | None = None) -> str:

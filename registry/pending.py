@@ -44,7 +44,7 @@ def pending(snapshot: Snapshot, *, of: str | None = None) -> Iterator[Pending]:
         of: the one branch that is asked about; None for all. What several propose alike is otherwise of the first.
     """
     seen: set[tuple[str, str | None]] = set()
-    for path in sorted(filter(is_entry, snapshot.proposed)):
+    for path in sorted(snapshot.proposed):
         seen.add((path, snapshot.proposed[path]))
         yield _read(path, snapshot.read(path))
     repo, commit = snapshot.repo, snapshot.commit
@@ -64,7 +64,12 @@ def pending(snapshot: Snapshot, *, of: str | None = None) -> Iterator[Pending]:
         for file in files:
             here = snapshot.proposed if is_proposal(file.path) else snapshot.paths
             what = (file.path, file.after)
-            if file.after is None or file.after == here.get(file.path) or what in seen:
+            if (
+                not is_entry(file.path)
+                or file.after is None
+                or file.after == here.get(file.path)
+                or what in seen
+            ):
                 continue
             seen.add(what)
             yield _read(file.path, repo.blob(file.after), branch)

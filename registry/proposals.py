@@ -885,6 +885,8 @@ def save(
         RegistryError: a check failed, there is nothing to write, or the registry cannot be written.
     """
     due = proposals.due
+    if (damage := registry.configuration.damage) is not None:
+        raise RegistryError(f"nothing was written: {damage}")
     if wrong := [*proposals.errors, *(one.message for one in proposals.problems)]:
         raise RegistryError(f"nothing was written: {wrong[0]}")
     changes = [change for one in due for change in one.file_changes]

@@ -33,7 +33,6 @@ from calibrary.registry.paths import (
     UNIT,
     id_of,
     in_use_path,
-    is_entry,
     is_proposal,
     proposal_path,
     unit_folder,
@@ -389,7 +388,7 @@ def listed(
 
 def _paths_with_words(snapshot: Snapshot, words: Sequence[str]) -> Iterator[str]:
     """Yield the paths of the entries with every word in their id or label."""
-    every = (*snapshot.paths, *filter(is_entry, snapshot.proposed))
+    every = (*snapshot.paths, *snapshot.proposed)
     if not words:
         yield from every
         return

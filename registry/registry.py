@@ -11,13 +11,14 @@ from typing import Final, Self
 
 from calibrary.errors import InputError, RegistryError, UnknownCameraError
 from calibrary.registry import history as entry_history
-from calibrary.registry.configuration import Configuration, parse_configuration
+from calibrary.registry.configuration import Configuration, configuration_at, parse_configuration
 from calibrary.registry.entry_yaml import parse_entry, parsed
+from calibrary.registry.git.errors import TooLargeError
 from calibrary.registry.git.history import ChangedFile, Firmware, changed, commit_at, newest_where, parse_rev
 from calibrary.registry.git.program import check_branch
 from calibrary.registry.git.repository import Repository, require_branch
 from calibrary.registry.history import EntryRevision
-from calibrary.registry.paths import CAMERAS, PROPOSALS, PROPOSED, ROOT, check_path, id_of
+from calibrary.registry.paths import CAMERAS, PROPOSALS, PROPOSED, ROOT, check_path, id_of, is_entry
 from calibrary.registry.places import CONFIGURATION_FILE, FOLDER, plain_folder
 from calibrary.registry.snapshot import Snapshot, StoredEntry, read_entry_file, require_own_path
 
@@ -103,7 +104,7 @@ class Registry:
         for file in changed(self.repo, last.commit, commit, CAMERAS):
             if file.after is None:
                 paths.pop(file.path, None)
-            else:
+            elif is_entry(file.path):
                 paths[file.path] = file.after
         return MappingProxyType(paths)
 
@@ -169,7 +170,7 @@ def uncommitted(repo: Repository) -> tuple[str, ...]:
         return ()
     options = ("--porcelain", "-z", "--no-renames", "--untracked-files=all")
     listed = repo.run("status", *options, "--", ROOT, PROPOSED).out
-    return tuple(os.fsdecode(line[3:]) for line in listed.split(b"\0") if line)
+    return tuple(filter(is_entry, (os.fsdecode(line[3:]) for line in listed.split(b"\0") if line)))
 
 
 def open_snapshot(place: Path, rev: str | None = None) -> Snapshot:
@@ -201,8 +202,8 @@ def _configuration_in(place: Path) -> Configuration:
         return Configuration()
     try:
         return parse_configuration(read_entry_file(place, CONFIGURATION_FILE))
-    except InputError as error:
-        raise RegistryError(str(error)) from None
+    except (InputError, TooLargeError) as error:
+        return Configuration(damage=str(error))
 
 
 def _configuration_of(repo: Repository) -> Configuration:
@@ -211,18 +212,13 @@ def _configuration_of(repo: Repository) -> Configuration:
     if tip is None:
         require_branch(repo)
         return Configuration()
-    blob = repo.read(tip, CONFIGURATION_FILE)
-    if blob is None:
-        if repo.listing(tip, CAMERAS, PROPOSALS):
-            return Configuration()
+    found = configuration_at(repo, tip)
+    if found is None and not repo.listing(tip, CAMERAS, PROPOSALS):
         raise RegistryError(
             f"{repo.path}: a git repository, but not a registry: it has neither {CONFIGURATION_FILE} nor entries in "
             "cameras/; 'calibrary registry init FOLDER' makes one of its own"
         )
-    try:
-        return parse_configuration(blob.data)
-    except InputError as error:
-        raise RegistryError(f"{repo.path}: {error}") from None
+    return found or Configuration()
 
 
 def _is_of_firmware(path: str, version: str, data: bytes) -> bool:

@@ -6,7 +6,6 @@ An entry is matched with the camera: whether it applies, at which image size, an
 from __future__ import annotations
 
 import math
-import re
 from bisect import bisect_left
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -24,7 +23,7 @@ from calibrary.known_camera import match_key, normalise_sub_camera
 from calibrary.records import Record, replace
 from calibrary.registry.entry import USABLE, Entry, Status, noted
 from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.paths import ROOT, SUFFIX, folder_of, is_entry, is_proposal, proposal_path, slug
+from calibrary.registry.paths import folder_of, is_proposal, proposal_path, slug
 
 Earlier: TypeAlias = Callable[[str], Iterable[tuple[str, Entry]]]
 """Returns (commit, entry) for an entry's earlier usable revisions, newest first, given its path."""
@@ -35,8 +34,6 @@ PROPOSED: Final = frozenset({Status.DRAFT})
 MOST_NEAR: Final = 8
 MOST_FOLDERS: Final = 2048
 """Number of folders whose entries are kept parsed."""
-
-_REGULAR = re.compile(rf"{ROOT}[^/]+/[^/]+/(?:sn-[^/]+/)?[0-9][^/]*{re.escape(SUFFIX)}")
 
 
 class RejectedEntry(Record):
@@ -160,16 +157,11 @@ def scan_aliases(files: Iterable[tuple[str, bytes]]) -> AliasMap:
     return {name: frozenset(folders) for name, folders in found.items()}
 
 
-def is_keyed(path: str) -> bool:
-    """Return whether some camera's key gives a path, so that a search for that camera finds it."""
-    return _REGULAR.fullmatch(path) is not None
-
-
 class RegistryIndex:
     """A registry's entries, found by make and model through their paths: only candidates are read.
 
-    An entry at a path other than that of its key is found only if no key gives that path; reporting this is the task
-    of :mod:`calibrary.registry.checks`. Other files, such as a README, are ignored.
+    An entry at a path other than that of its key is not found; reporting this is the task of
+    :mod:`calibrary.registry.checks`.
     """
 
     def __init__(
@@ -198,7 +190,7 @@ class RegistryIndex:
             remark: returns what of an entry is not in force, in words.
         """
         self.paths: Final[Sequence[str]] = sorted(paths)
-        self.proposed: Final[Sequence[str]] = sorted(filter(is_entry, proposed))
+        self.proposed: Final[Sequence[str]] = sorted(proposed)
         self._load = load
         self._earlier = earlier
         self._require_digest = require_digest
@@ -206,7 +198,6 @@ class RegistryIndex:
         self._remark = remark
         self._find_aliases = aliases
         self._aliases: AliasMap | None = None
-        self._irregular = [path for path in self.paths if is_entry(path) and not is_keyed(path)]
         self._folders: dict[tuple[str, ...], Mapping[str, Entry]] = {}
 
     def resolve(
@@ -304,8 +295,8 @@ class RegistryIndex:
                 self._folders.clear()
             paths = [path for folder in folders for path in self._in_folder(folder, serial)]
             if self._prepare is not None:
-                self._prepare([*dict.fromkeys([*paths, *self._irregular])])
-            read = {path: self._read(path) for path in dict.fromkeys([*paths, *self._irregular])}
+                self._prepare(paths)
+            read = {path: self._read(path) for path in paths}
             entries = {path: entry for path, entry in read.items() if entry is not None}
             self._folders[at] = entries
         return entries

@@ -46,7 +46,7 @@ from calibrary.registry.paths import (
     unit_folder,
     unit_paths,
 )
-from calibrary.registry.resolution import RegistryIndex, Resolution, is_keyed
+from calibrary.registry.resolution import RegistryIndex, Resolution
 from calibrary.registry.standing import Book, Standing, label_subject, standing_of
 from calibrary.registry.statements import RULES, content_of, subject_of
 
@@ -63,33 +63,26 @@ MANY = 200
 """Number of entries from which all statements are read at once."""
 
 
-def entry_paths(root: Path) -> list[str]:
-    """Return the sorted paths of all entries below a registry's root; links to folders are not followed.
+def paths_below(root: Path) -> list[str]:
+    """Return the sorted paths of all files in ``cameras/`` and ``proposals/``; links to folders are not followed.
 
     Raises:
         RegistryError: there is no registry here, or a folder cannot be read.
     """
+
+    def refuse(error: OSError) -> None:
+        raise RegistryError(f"{error.filename}: cannot be read: {error.strerror}") from None
+
     if not (root / ROOT).is_dir():
         raise RegistryError(
             f"{root}: no registry here: expected a folder 'cameras' with one YAML file a camera"
         )
-    return _entries_below(root, ROOT)
-
-
-def proposal_paths(root: Path) -> list[str]:
-    """Return the same for proposals."""
-    return _entries_below(root, PROPOSED)
-
-
-def _entries_below(root: Path, top: str) -> list[str]:
-    def refuse(error: OSError) -> None:
-        raise RegistryError(f"{error.filename}: cannot be read: {error.strerror}") from None
-
     start = len(str(root)) + 1 if str(root) != "." else 0
     found = []
-    for folder, _, names in os.walk(root / top, onerror=refuse) if (root / top).is_dir() else ():
-        below = folder[start:].replace(os.sep, "/")
-        found += [f"{below}/{name}" for name in names if is_entry(name)]
+    for top in (ROOT, PROPOSED):
+        for folder, _, names in os.walk(root / top, onerror=refuse) if (root / top).is_dir() else ():
+            below = folder[start:].replace(os.sep, "/")
+            found += [f"{below}/{name}" for name in names]
     return sorted(found)
 
 
@@ -131,30 +124,47 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
 
     @cached_property
     def paths(self) -> Mapping[str, str | None]:
-        """Blob id of every file below ``cameras/``, by path; None in a plain folder.
+        """Blob id of every entry in ``cameras/``, by path; None in a plain folder.
 
         Raises:
             RegistryError: there is no registry in the folder, or it cannot be listed.
         """
         if self.known_paths is not None:
             return self.known_paths
-        if self.repo is None or self.commit is None:
-            return MappingProxyType(dict.fromkeys(entry_paths(self.place)))
-        # Calling is_proposal 100 000 times would take as long as everything else.
-        files = self.contents.files.items()
-        return MappingProxyType({path: oid for path, oid in files if not path.startswith(PROPOSED)})
+        return self._entries_in(ROOT)
 
     @cached_property
     def proposed(self) -> Mapping[str, str | None]:
-        """Blob id of every file below ``proposals/``, by path; None in a plain folder.
+        """Blob id of every entry in ``proposals/``, by path; None in a plain folder.
 
         Raises:
             RegistryError: the folder cannot be listed.
         """
+        return self._entries_in(PROPOSED)
+
+    @cached_property
+    def strays(self) -> tuple[str, ...]:
+        """Paths of all other files in ``cameras/`` and ``proposals/``, which nothing reads."""
+        return tuple(path for path in self._files if not is_entry(path))
+
+    @property
+    def unread(self) -> str | None:
+        """A sentence about the files that are not read; None if there are none."""
+        said = [self.configuration.damage] if self.configuration.damage is not None else []
+        if self.strays:
+            check = "('calibrary registry check' says what to do)"
+            said.append(f"not read, as no camera's KEY gives these paths: {first_of(self.strays)} {check}")
+        return "; ".join(said) or None
+
+    @cached_property
+    def _files(self) -> Mapping[str, str | None]:
         if self.repo is None or self.commit is None:
-            return MappingProxyType(dict.fromkeys(proposal_paths(self.place)))
-        files = self.contents.files.items()
-        return MappingProxyType({path: oid for path, oid in files if path.startswith(PROPOSED)})
+            return dict.fromkeys(paths_below(self.place))
+        return self.contents.files
+
+    def _entries_in(self, top: str) -> Mapping[str, str | None]:
+        files = self._files.items()
+        return MappingProxyType({path: oid for path, oid in files if path.startswith(top) and is_entry(path)})
 
     @cached_property
     def contents(self) -> Index:
@@ -231,7 +241,7 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         """Return what is in force of entries in ``cameras/``; empty if no statements say so."""
         if not self.is_stated:
             return {}
-        wanted = [path for path in paths if path.startswith(ROOT) and is_entry(path)]
+        wanted = [path for path in paths if path.startswith(ROOT)]
         if missing := [path for path in wanted if path not in self._standings]:
             self._standings.update(self.contents.standings(missing, self._stand))
         return {path: self._standings[path] for path in wanted}
@@ -375,7 +385,7 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
 
     def proposals(self) -> Iterator[StoredEntry]:
         """Yield every proposal, sorted by path; otherwise like :meth:`entries`."""
-        return self._stored(sorted(filter(is_entry, self.proposed)))
+        return self._stored(sorted(self.proposed))
 
     def rows(
         self,
@@ -522,7 +532,7 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         """
         if not is_proposal(key) and (found := self.in_use(key)):
             return found
-        proposed = {in_use_path(path): path for path in self.proposed if is_entry(path)}
+        proposed = {in_use_path(path): path for path in self.proposed}
         name = in_use_path(key)
         if not proposed:
             return []
@@ -553,7 +563,7 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         if self.repo is not None:
             said = sorted(self.contents.mentions(LABEL), key=lambda one: not is_proposal(one[0]))
             return {in_use_path(path): label for path, _, _, label in said}
-        proposed = sorted(path for path in self.proposed if is_entry(path))
+        proposed = sorted(self.proposed)
         waiting = zip(map(in_use_path, proposed), self.read_many(proposed), strict=True)
         found = {path: label for path, data in waiting if (label := label_in(data)) is not None}
         return found | {path: label for path, data in self.files() if (label := label_in(data)) is not None}
@@ -620,11 +630,12 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         folders = tuple(sorted({folder_of(key.make, key.model), *others}))
         if folders in self._indices:
             return self._indices[folders]
-        listed = self.repo.listing(self.commit, *folders, *map(proposal_path, folders))
+        every = self.repo.listing(self.commit, *folders, *map(proposal_path, folders))
+        listed = [path for path in every if is_entry(path)]
         if len(self._indices) >= MOST_INDICES:
             self._indices.clear()
         self._indices[folders] = RegistryIndex(
-            [*self.contents.irregular, *(path for path in listed if not is_proposal(path))],
+            [path for path in listed if not is_proposal(path)],
             self.read,
             proposed=filter(is_proposal, listed),
             aliases=lambda: aliases,
@@ -768,7 +779,7 @@ def require_own_path(stored: StoredEntry) -> StoredEntry:
     Raises:
         RegistryError: the file is at the path of another camera.
     """
-    if stored.entry.path != in_use_path(stored.path) and is_keyed(in_use_path(stored.path)):
+    if stored.entry.path != in_use_path(stored.path):
         raise RegistryError(
             f"{stored.path}: its camera belongs at {stored.entry.path}, so this is not the K of {stored.id}; "
             f"'calibrary registry log {stored.id}' shows who wrote it"

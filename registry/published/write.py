@@ -25,7 +25,7 @@ from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.history import changed, history
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.paths import CAMERAS, STATEMENTS, SUFFIX, is_entry
+from calibrary.registry.paths import CAMERAS, STATEMENTS, SUFFIX
 from calibrary.registry.published.layout import (
     SCHEMA_FOLDER,
     SCHEMAS,
@@ -52,7 +52,6 @@ from calibrary.registry.published.metadata import (
 )
 from calibrary.registry.published.output import STATE_FILE, Output, check_out, opened
 from calibrary.registry.registry import Registry
-from calibrary.registry.resolution import is_keyed
 from calibrary.registry.snapshot import Snapshot
 from calibrary.registry.statements import RULES
 from calibrary.schemas import served
@@ -183,7 +182,7 @@ def _content(
     progress: Callable[[int, int], None] | None,
 ) -> _Content:
     """Write the files of entries and cameras, unless they exist."""
-    listed = sorted(filter(is_entry, snapshot.paths))
+    listed = sorted(snapshot.paths)
     existing, changed_entries = _difference(repo, commit, output, before)
     read = [path for path in listed if existing is None or path in changed_entries]
     done = len(listed) - len(read)
@@ -386,7 +385,7 @@ def _require_publishable(path: str, entry: Entry) -> None:
     Raises:
         RegistryError: the entry is of another camera than its path, or its serial number is not hashed.
     """
-    if entry.path != path and is_keyed(path):
+    if entry.path != path:
         raise RegistryError(
             f"{path}: its camera belongs at {entry.path}; 'calibrary registry check' shows what is wrong with it"
         )

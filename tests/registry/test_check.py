@@ -91,12 +91,6 @@ def test_an_entry_must_lie_where_its_key_says() -> None:
     assert path in finding.message
 
 
-def test_paths_that_only_letter_case_tells_apart_are_one_on_some_disks() -> None:
-    [(path, data)] = files(an_entry()).items()
-    rules = found(check({path: data, path.replace("dji", "DJI"): data}, FLEET))
-    assert ("unique", "error") in rules
-
-
 @pytest.mark.parametrize(("status", "expected"), [(Status.APPROVED, 1), (Status.DRAFT, 0)])
 def test_what_is_approved_says_where_it_is_from(status: Status, expected: int) -> None:
     assert of(an_entry(status=status, provenance=UNSTATED)) == [("provenance", "error")] * expected

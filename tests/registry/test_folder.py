@@ -10,7 +10,7 @@ import pytest
 from calibrary.errors import RegistryError
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, entry_yaml
 from calibrary.registry.registry import open_snapshot
-from calibrary.registry.snapshot import entry_paths, read_entry_file
+from calibrary.registry.snapshot import paths_below, read_entry_file
 from tests.registry.entries import KEY, an_entry
 
 
@@ -25,16 +25,18 @@ def registry(tmp_path: Path) -> Path:
 def test_entries_are_found_and_other_files_left_alone(registry: Path) -> None:
     for name in (".5472x3648.yaml.swp", ".hidden.yaml", "README.md"):
         (registry / "cameras/dji" / name).write_text("{")
-    assert entry_paths(registry) == [an_entry().path]
-    found = open_snapshot(Path(f"folder:{registry}")).index().resolve(KEY)
+    snapshot = open_snapshot(Path(f"folder:{registry}"))
+    assert [*snapshot.paths] == [an_entry().path]
+    assert len(snapshot.strays) == 3
+    found = snapshot.index().resolve(KEY)
     assert found is not None
     assert found.entry == an_entry()
 
 
 def test_the_folder_one_stands_in_is_one_as_well(registry: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(registry)
-    assert entry_paths(Path()) == [an_entry().path]
-    assert entry_paths(Path("./")) == [an_entry().path]
+    assert paths_below(Path()) == [an_entry().path]
+    assert paths_below(Path("./")) == [an_entry().path]
 
 
 def test_a_folder_without_cameras_is_no_registry(tmp_path: Path) -> None:
@@ -47,7 +49,7 @@ def test_links_are_not_followed(registry: Path, tmp_path_factory: pytest.TempPat
     (outside / "secret.yaml").write_text("{}")
     (registry / "cameras/loop").symlink_to(registry / "cameras")
     (registry / "cameras/dji/link.yaml").symlink_to(outside / "secret.yaml")
-    assert "cameras/loop/dji/link.yaml" not in entry_paths(registry)
+    assert "cameras/loop/dji/link.yaml" not in paths_below(registry)
     with pytest.raises(RegistryError, match="regular file"):
         read_entry_file(registry, "cameras/dji/link.yaml")
 

@@ -28,7 +28,7 @@ from calibrary.registry.git.repository import Repository
 from calibrary.registry.index import ALIAS, LABEL, SUPERSEDES, Index, index_at, stated_names
 from calibrary.registry.init import init
 from calibrary.registry.registry import Registry, open_snapshot
-from calibrary.registry.resolution import is_keyed, scan_aliases
+from calibrary.registry.resolution import scan_aliases
 from calibrary.validation import Finding
 from tests.cli.registry.direct import put, put_bytes
 from tests.registry.entries import KEY, an_entry, entries
@@ -73,8 +73,6 @@ def require_what_git_says(repo: Repository, at: Index, commit: str) -> None:
         rows,
         {path: {name: row[name] for name in fields & row.keys()} for path, row in rows.items()},
     )
-    used = [path for path in files if path.startswith("cameras/")]
-    assert [*at.irregular] == [path for path in used if not is_keyed(path)]
 
 
 def random_entry(dice: random.Random) -> Entry:
@@ -97,7 +95,7 @@ def step(root: Path, dice: random.Random) -> None:
             file.write_bytes(entry_yaml(entry))
         case "rename" if there:
             file = dice.choice(there)
-            file.rename(file.with_name(f"{dice.randrange(10)}.yaml"))
+            file.rename(file.with_name(f"{dice.randrange(10)}x10.yaml"))
         case "delete" if there:
             dice.choice(there).unlink()
         case "branch":

@@ -94,9 +94,11 @@ def test_one_cameras_file_in_anothers_place_is_nobodys_k(registry: Registry) -> 
     assert registry.get("fc220").entry == approved
 
 
-def test_a_file_at_a_path_of_nobodys_is_found_by_it(registry: Registry) -> None:
+def test_a_file_at_a_path_of_nobodys_is_no_entry(registry: Registry) -> None:
     by_hand(registry, "cameras/mine.yaml", entry_yaml(an_entry()))
-    assert registry.get("mine").entry == an_entry(status=Status.DRAFT)
+    assert registry.snapshot().strays == ("cameras/mine.yaml",)
+    with pytest.raises(UnknownCameraError):
+        registry.get("mine")
 
 
 def test_a_key_is_found_in_any_letter_case_even_where_longer_ones_begin_alike() -> None:

@@ -98,6 +98,8 @@ def run(arguments: argparse.Namespace) -> int:
         )
     if found.unapproved is not None:
         errors().say(f"[yellow]note[/] {plain(found.unapproved)}")
+    if found.snapshot.unread is not None:
+        errors().say(f"[yellow]note[/] {plain(found.snapshot.unread)}")
     for error in found.unreadable:
         errors().say(f"[red]not listed[/] {plain(str(error))}")
     return EXIT_UNREADABLE if found.unreadable else 0

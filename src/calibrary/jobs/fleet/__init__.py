@@ -584,8 +584,8 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         from calibrary.registry.paths import single_match
 
         snapshot = self.snapshot
-        pins: list[str] = [] if what else usable_paths(snapshot)
         unanswered: list[str] = []
+        pins = [] if what else usable_paths(snapshot, lambda error: unanswered.append(f"not pinned: {error}"))
         for one in what:
             if Path(one).is_dir():
                 from calibrary.jobs.extract.knowledge import flight_entries
