@@ -379,7 +379,7 @@ def check_range(
     rules = configuration_at(repo, start) or Configuration()
     policy = policy or rules.policy
     end = commit_at(repo, parse_rev(after)) if after is not None else newest
-    at_end = replace(snapshot, commit=end, known_paths=None) if end != newest else snapshot
+    at_end = replace(snapshot, commit=end) if end != newest else snapshot
     every = [file for folder in FOLDERS for file in changed(repo, start, end, folder)]
     differing = [file for file in every if is_entry(file.path)]
     own = {file.path for file in differing if file.after is not None}

@@ -9,7 +9,7 @@ refused.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Final
@@ -54,22 +54,16 @@ def pinned(snapshot: Snapshot, paths: Iterable[str]) -> Lock:
     if snapshot.commit is None:
         pins = tuple(_pin(path, data) for path, data in zip(wanted, snapshot.read_many(wanted), strict=True))
     else:
-        stored = {one.path: one for one in snapshot.entries(where=frozenset(wanted).__contains__)}
-        if missing := [path for path in wanted if path not in stored]:
+        if missing := [path for path in wanted if path not in snapshot.paths]:
             raise RegistryError(f"{missing[0]}: not in commit {snapshot.commit[:12]}")
-        pins = tuple(_pin_of_stored(stored[path]) for path in wanted)
+        pins = tuple(map(_pin_of_stored, snapshot.stored(wanted)))
     # A folder's full path may be private, and a remote's address may contain a password.
     return Lock(registry=snapshot.place.name or None, commit=snapshot.commit, pins=pins)
 
 
-def usable_paths(snapshot: Snapshot, unreadable: Callable[[RegistryError], None]) -> list[str]:
-    """Return the paths of the entries that may be used.
-
-    Args:
-        snapshot: state of the registry.
-        unreadable: called with the error of each entry that cannot be read.
-    """
-    rows = snapshot.rows(snapshot.paths, unreadable=unreadable)
+def usable_paths(snapshot: Snapshot, unreadable: list[str]) -> list[str]:
+    """Return the paths of the entries that may be used; the errors of those that cannot be read are added to a list."""
+    rows = snapshot.rows(snapshot.paths, unreadable=lambda error: unreadable.append(str(error)))
     return [path for path, row in rows if row["status"] == Status.APPROVED]
 
 
@@ -92,7 +86,7 @@ def locked(snapshot: Snapshot, lock_file: Path) -> Locked:
             f"it (calibrary registry sync), or accept what is there now: calibrary registry lock"
         )
     files = {}
-    then = replace(snapshot, commit=lock.commit, known_paths=None)
+    then = replace(snapshot, commit=lock.commit)
     for pin in lock.pins:
         if pin.path in then.paths:
             files[pin.path] = then.read(pin.path)

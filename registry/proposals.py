@@ -381,13 +381,13 @@ def require_digests(proposals: Proposals, digests: Sequence[str]) -> None:
 
     Args:
         proposals: what is to be written.
-        digests: git's ids of the files that were looked at, or their beginnings.
+        digests: git's ids of the files that were looked at, or their beginnings; none if nobody asks.
 
     Raises:
         RegistryError: a proposal matches no digest, or a digest matches no proposal.
     """
     left = {require_digest(text) for text in digests}
-    for one in proposals.due:
+    for one in proposals.due if left else ():
         if (seen := one.decided) is None:
             continue
         of_it = {text for text in left if seen.startswith(text)}

@@ -317,10 +317,11 @@ class EntryListing(Struct, frozen=True, eq=False, dict=True):
         return self.snapshot.stored(self.chosen.paths)
 
     @property
-    def unapproved(self) -> str | None:
-        """A sentence about entries whose files nothing approves; None if there are none."""
+    def notes(self) -> list[str]:
+        """Sentences about entries whose files nothing approves, and about files that are not read."""
         pairs = zip(self.chosen.paths, self.chosen.rows, strict=True)
-        return unapproved([path for path, row in pairs if "remark" in row])
+        said = unapproved([path for path, row in pairs if "remark" in row]), self.snapshot.unread
+        return [text for text in said if text is not None]
 
     def short_ids(self) -> list[str]:
         """Return the KEYs of the entries, with unit hashes as short as possible."""

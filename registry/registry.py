@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import Final, Self
 
 from calibrary.errors import InputError, RegistryError, UnknownCameraError
@@ -89,24 +88,10 @@ class Registry:
                 configuration=self.configuration,
                 repo=self.repo,
                 commit=commit,
-                known_paths=self._patched_paths(commit),
             )
             kept = [*self._snapshots.items()][1 - KEPT_SNAPSHOTS :]
             self._snapshots = {**dict(kept), commit: known}
         return known
-
-    def _patched_paths(self, commit: str) -> Mapping[str, str | None] | None:
-        """Return the paths by the differences from the last state; None if listing them is faster."""
-        last = next((one for one in reversed([*self._snapshots.values()]) if "paths" in one.__dict__), None)
-        if last is None or len(last.paths) < PATCHED_FROM:
-            return None
-        paths = dict(last.paths)
-        for file in changed(self.repo, last.commit, commit, CAMERAS):
-            if file.after is None:
-                paths.pop(file.path, None)
-            elif is_entry(file.path):
-                paths[file.path] = file.after
-        return MappingProxyType(paths)
 
     def get(self, key: str) -> StoredEntry:
         """Return the entry that ``KEY`` or ``KEY@REV`` names.

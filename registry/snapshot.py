@@ -113,14 +113,12 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         configuration: configuration of the registry, with the policy for entries.
         repo: the repository; None for a plain folder.
         commit: 40 hexadecimal digits; None for a plain folder.
-        known_paths: the paths, if they are already known.
     """
 
     place: Path
     configuration: Configuration
     repo: Repository | None = None
     commit: str | None = None
-    known_paths: Mapping[str, str | None] | None = None
 
     @cached_property
     def paths(self) -> Mapping[str, str | None]:
@@ -129,8 +127,6 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         Raises:
             RegistryError: there is no registry in the folder, or it cannot be listed.
         """
-        if self.known_paths is not None:
-            return self.known_paths
         return self._entries_in(ROOT)
 
     @cached_property
@@ -372,16 +368,16 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         paths = sorted(self.paths)
         return zip(paths, self.read_many(paths), strict=True)
 
-    def entries(self, *, where: Callable[[str], bool] | None = None) -> Iterator[StoredEntry]:
+    def entries(self, unreadable: Callable[[str, InputError], None] | None = None) -> Iterator[StoredEntry]:
         """Yield every entry in ``cameras/``, sorted by path.
 
         Args:
-            where: selects paths; other entries are not read.
+            unreadable: called with path and error of each entry that cannot be read.
 
         Raises:
-            RegistryError: an entry cannot be read.
+            RegistryError: an entry cannot be read, and nobody takes the error.
         """
-        return self._stored(sorted(filter(where, self.paths)))
+        return self._stored(sorted(self.paths), unreadable)
 
     def proposals(self) -> Iterator[StoredEntry]:
         """Yield every proposal, sorted by path; otherwise like :meth:`entries`."""
@@ -428,11 +424,16 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         """
         return tuple(self._stored(paths))
 
-    def _stored(self, paths: Sequence[str]) -> Iterator[StoredEntry]:
+    def _stored(
+        self, paths: Sequence[str], unreadable: Callable[[str, InputError], None] | None = None
+    ) -> Iterator[StoredEntry]:
         for path, entry in self.parsed(paths):
-            if not isinstance(entry, Entry):
+            if isinstance(entry, Entry):
+                yield self._as_stored(entry, path)
+            elif unreadable is None:
                 raise RegistryError(str(entry))
-            yield self._as_stored(entry, path)
+            else:
+                unreadable(path, entry)
 
     def parsed(self, paths: Sequence[str]) -> Iterator[tuple[str, Entry | InputError]]:
         """Yield the entries that are in force at some paths, in order; the error if one cannot be read."""

@@ -150,19 +150,18 @@ def test_a_new_registry_is_clean_and_keeps_the_bytes_of_entries(registry: Regist
 def test_a_snapshot_follows_the_branch_and_old_ones_stay_as_they_were(registry: Registry) -> None:
     empty = registry.snapshot()
     assert dict(empty.paths) == {}
-    files = {f"cameras/m/m{i}/a.yaml": b"n: %d\n" % i for i in range(1200)}
+    files = {f"cameras/m/m{i}/1x1.yaml": b"n: %d\n" % i for i in range(20)}
     write(registry.repo, [Change(path=path, data=data) for path, data in files.items()], "import\n")
     full = registry.snapshot()
     assert dict(full.files()) == files
     assert registry.snapshot() is full
-    write(registry.repo, [Change(path="cameras/m/m7/a.yaml", data=None, base=blob_id(b"n: 7\n"))], "drop\n")
+    write(registry.repo, [Change(path="cameras/m/m7/1x1.yaml", data=None, base=blob_id(b"n: 7\n"))], "drop\n")
     write(registry.repo, [Change(path=ENTRY_PATH, data=b"x\n")], "add\n")
     patched = registry.snapshot()
-    assert patched.known_paths is not None
     assert patched.paths == registry.repo.listing(patched.commit or "", "cameras")
-    assert (len(full.paths), len(patched.paths)) == (1200, 1200)
+    assert (len(full.paths), len(patched.paths)) == (20, 20)
     assert registry.snapshot(full.commit) is full
-    assert [file.path for file in registry.changed(full.commit)] == [ENTRY_PATH, "cameras/m/m7/a.yaml"]
+    assert [file.path for file in registry.changed(full.commit)] == [ENTRY_PATH, "cameras/m/m7/1x1.yaml"]
 
 
 def test_an_entry_is_read_at_any_revision_or_named_as_missing(registry: Registry) -> None:

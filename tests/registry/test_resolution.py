@@ -287,13 +287,6 @@ class TestIndex:
         assert found is not None
         assert found.calibration.intrinsics.fx == 3000.0
 
-    def test_a_file_at_a_place_that_no_key_gives_is_found_all_the_same(self) -> None:
-        files = Files()
-        files.data["cameras/my-camera.yaml"] = entry_yaml(FOCAL)
-        found = files.index().resolve(KEY)
-        assert found is not None
-        assert found.path == "cameras/my-camera.yaml"
-
     def test_a_hand_written_entry_needs_a_digest_only_where_one_is_asked_for(self) -> None:
         files = Files(FOCAL)
         bare = b"\n".join(

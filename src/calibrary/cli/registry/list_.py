@@ -96,10 +96,8 @@ def run(arguments: argparse.Namespace) -> int:
             "no entry fits; 'calibrary registry add FILE' puts one in, and 'calibrary registry status' shows what "
             "waits on branches"
         )
-    if found.unapproved is not None:
-        errors().say(f"[yellow]note[/] {plain(found.unapproved)}")
-    if found.snapshot.unread is not None:
-        errors().say(f"[yellow]note[/] {plain(found.snapshot.unread)}")
+    for text in found.notes:
+        errors().say(f"[yellow]note[/] {plain(text)}")
     for error in found.unreadable:
         errors().say(f"[red]not listed[/] {plain(str(error))}")
     return EXIT_UNREADABLE if found.unreadable else 0

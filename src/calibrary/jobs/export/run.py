@@ -22,7 +22,6 @@ from calibrary.jobs.export.opensfm_names import odm_entry_names
 from calibrary.parsers.format import Fidelity, Fit, Format, WriteVerdict, in_words
 from calibrary.parsers.writing import check_limit, format_to_write
 from calibrary.records import Json, Meta, Record, encoded, replace
-from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.paths import id_of
@@ -133,10 +132,8 @@ def export(
     """Write the entries of a registry in a format; for arguments and errors see :meth:`calibrary.Fleet.export`."""
     form = form or ("csv" if out.suffix == ".csv" else None)
     record = check_target(form, out, max_error_px=max_error_px)
-    read = dict(snapshot.parsed(sorted(snapshot.paths)))
-    entries = {path: one for path, one in read.items() if isinstance(one, Entry)}
-    stored = snapshot.stored([path for path, one in entries.items() if one.status.value in statuses])
-    unread = [(path, one) for path, one in read.items() if isinstance(one, InputError)]
+    unread: dict[str, InputError] = {}
+    stored = [one for one in snapshot.entries(unread.__setitem__) if one.entry.status.value in statuses]
     if not stored:
         raise InputError("no entry to export; 'calibrary registry list' shows what there is")
     if record is None:
@@ -148,7 +145,10 @@ def export(
             parsers.encode, format=record, max_error_px=max_error_px, drop_distortion=drop_distortion
         )
         done = (_one_file if _is_one_file(record, out) else _folder)(stored, record, out, encode)
-    left_out = (*done.left_out, *(NotExported(entry=id_of(path), reason=str(why)) for path, why in unread))
+    left_out = (
+        *done.left_out,
+        *(NotExported(entry=id_of(path), reason=str(why)) for path, why in unread.items()),
+    )
     return replace(done, commit=snapshot.commit, left_out=left_out)
 
 

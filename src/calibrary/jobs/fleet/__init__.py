@@ -585,7 +585,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
 
         snapshot = self.snapshot
         unanswered: list[str] = []
-        pins = [] if what else usable_paths(snapshot, lambda error: unanswered.append(f"not pinned: {error}"))
+        pins: list[str] = [] if what else usable_paths(snapshot, unanswered)
         for one in what:
             if Path(one).is_dir():
                 from calibrary.jobs.extract.knowledge import flight_entries
@@ -796,10 +796,9 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         if not keys:
             keys = self._proposed_on(source)
         names, seen = self._looked_at(keys)
-        registry = self.registry
-        proposals = propose_approvals(registry.snapshot(), registry.snapshot(source), names, terms)
-        if digests or seen:
-            require_digests(proposals, (*digests, *seen))
+        now, there = self.registry.snapshot(), self.registry.snapshot(source)
+        proposals = propose_approvals(now, there, names, terms)
+        require_digests(proposals, (*digests, *seen))
         return ProposedChange(self.registry, proposals, terms)
 
     def rules(self) -> tuple[tuple[str, str], tuple[str, str]]:
@@ -855,8 +854,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         proposals = propose_retirements(
             self.registry.snapshot(), keys, reason, successor=superseded_by, start=start
         )
-        if digests:
-            require_digests(proposals, digests)
+        require_digests(proposals, digests)
         return ProposedChange(self.registry, proposals, Terms(reason=reason))
 
     def propose_edit(
