@@ -235,10 +235,11 @@ def check_all(
     """
     if snapshot.repo is None or snapshot.commit is None:
         return check_work_tree(snapshot, policy, judge, progress=progress)
-    paths = [*snapshot.paths, *snapshot.proposed]
+    oids = {**snapshot.paths, **snapshot.proposed}
+    paths = [path for path, oid in oids.items() if oid is not None]
     files, index = EntryFiles(paths, snapshot.committed_many, progress, snapshot.contents), snapshot.contents
     policy = policy or snapshot.configuration.policy
-    keys = _content_keys({**snapshot.paths, **snapshot.proposed}, paths, policy, judge)
+    keys = _content_keys(oids, paths, policy, judge)
     kept = index.checked(msgspec.msgpack.Decoder(Checked), [*keys.values()])
     known = {folder: kept[key] for folder, key in keys.items() if key in kept}
     before = {*known}

@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import re
 import sqlite3
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import cached_property
 from itertools import islice
@@ -28,7 +28,7 @@ from calibrary.errors import InputError
 from calibrary.known_camera import match_key
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
-from calibrary.registry.fields import Row, Value
+from calibrary.registry.fields import Value
 from calibrary.registry.git.history import changed
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.paths import (
@@ -63,16 +63,14 @@ CREATE TABLE IF NOT EXISTS mentions (path TEXT NOT NULL, kind TEXT NOT NULL, wor
 CREATE INDEX IF NOT EXISTS by_path ON mentions (path);
 CREATE INDEX IF NOT EXISTS by_kind ON mentions (kind);
 CREATE TABLE IF NOT EXISTS entries (oid TEXT PRIMARY KEY, packed BLOB NOT NULL, crc INTEGER NOT NULL) WITHOUT ROWID;
-CREATE TABLE IF NOT EXISTS blocks (oid TEXT PRIMARY KEY, packed BLOB NOT NULL, crc INTEGER NOT NULL) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS rows (oid TEXT PRIMARY KEY, packed BLOB NOT NULL, crc INTEGER NOT NULL) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS checked (oid TEXT PRIMARY KEY, packed BLOB NOT NULL, crc INTEGER NOT NULL) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS standings (oid TEXT PRIMARY KEY, packed BLOB NOT NULL, crc INTEGER NOT NULL) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS seen (ref TEXT, subject TEXT, id TEXT, PRIMARY KEY (ref, subject, id)) WITHOUT ROWID;
 """
 ENTRIES: Final = "entries"
-BLOCKS: Final = "blocks"
-"""Fields of entries in force at the commit of the file, in columns, of which only those asked for are read."""
-NUMBER_OF_BLOCKS: Final = 256
-BLOCKS_AT_ONCE: Final = 16
+ROWS: Final = "rows"
+"""Fields of entries, by git's id of their file."""
 STANDINGS: Final = "standings"
 """What is in force of entries at the commit of the file, by their paths."""
 CHECKED: Final = "checked"
@@ -141,12 +139,13 @@ class IndexFile:
                 return
             db.execute("BEGIN IMMEDIATE")
             former = ("seen",) if is_other else ()
-            for table in ("meta", "files", "mentions", BLOCKS, CHECKED, STANDINGS, *former):
+            for table in ("meta", "files", "mentions", CHECKED, STANDINGS, *former):
                 db.execute(f"DELETE FROM {table}")  # noqa: S608  three names of our own
             meta = {**self._stamp, "commit": commit}
             _insert(db, meta, [*files.items()], mentions)
             db.executemany("INSERT INTO meta VALUES (?, ?)", [*meta.items()])
-            db.execute("DELETE FROM entries WHERE oid NOT IN (SELECT oid FROM files)")
+            for table in (ENTRIES, ROWS):
+                db.execute(f"DELETE FROM {table} WHERE oid NOT IN (SELECT oid FROM files)")  # noqa: S608  the same
             db.execute("COMMIT")
 
     def advance(self, base: str, commit: str, overlay: Overlay) -> None:
@@ -175,9 +174,6 @@ class IndexFile:
             _insert(db, meta, [(path, oid) for path, oid in files.items() if oid is not None], mentions)
             if overlay.touched is None:
                 db.execute(f"DELETE FROM {STANDINGS}")  # noqa: S608  a name of our own
-                db.execute(f"DELETE FROM {BLOCKS}")  # noqa: S608  the same
-            blocks = {_block_of(path) for path in (*files, *(overlay.touched or ()))}
-            db.executemany(f"DELETE FROM {BLOCKS} WHERE oid = ?", [(one,) for one in blocks])  # noqa: S608  the same
             for start in overlay.touched or ():
                 span = (start, f"{start}\U0010ffff")
                 db.execute(f"DELETE FROM {STANDINGS} WHERE oid >= ? AND oid <= ?", span)  # noqa: S608  the same
@@ -346,7 +342,7 @@ def _crc(oid: str, packed: bytes) -> int:
     return crc32(packed, crc32(oid.encode()))
 
 
-VERSION: Final = f"5 {' '.join(Entry.__struct_fields__)}"
+VERSION: Final = f"6 {' '.join(Entry.__struct_fields__)}"
 """Version of the stored form; an index with another version is rebuilt."""
 BLOCK: Final = 500
 
@@ -356,47 +352,8 @@ ALIAS, LABEL, SUPERSEDES, NAMED = "alias", "label", "supersedes", "named"
 NAMING_KEYS: Final = (b"aliases", b"supersedes")
 """Keys of a file that may state names; files without them are not parsed for this."""
 _PACKED: Final = msgspec.msgpack.Decoder(Entry)
+_ROW: Final = msgspec.msgpack.Decoder(dict[str, Value])
 _STANDING: Final = msgspec.msgpack.Decoder(Standing)
-
-
-class _Block(Struct, frozen=True):
-    """Fields of some entries, each as a list in the order of their paths; None where an entry states none."""
-
-    paths: list[str]
-    oids: list[str]
-    fields: dict[str, msgspec.Raw]
-
-
-_BLOCK: Final = msgspec.msgpack.Decoder(_Block)
-_COLUMN: Final = msgspec.msgpack.Decoder(list[Value | None])
-
-
-def _block_of(path: str) -> str:
-    """Return the name of the block with the entries of a model, and their proposals."""
-    _, make, model, *_ = f"{path}//".split("/", 3)
-    return f"{crc32(f'{make}/{model}'.encode()) % NUMBER_OF_BLOCKS:02x}"
-
-
-def _packed(rows: Sequence[tuple[str, str, Row | InputError]]) -> _Block | None:
-    """Return a block of rows, with the path and id of each; None if one of them could not be read."""
-    stated = [row for _, _, row in rows if isinstance(row, Mapping)]
-    names = dict.fromkeys(name for row in stated for name in row)
-    columns = {name: [row.get(name) for row in stated] for name in names}
-    packed = {name: msgspec.Raw(msgspec.msgpack.encode(column)) for name, column in columns.items()}
-    whole = _Block([path for path, _, _ in rows], [oid for _, oid, _ in rows], packed)
-    return whole if len(stated) == len(rows) else None
-
-
-def _in_block(
-    packed: bytes, files: Mapping[str, str], fields: Collection[str] | None
-) -> Iterator[tuple[str, Row]]:
-    """Yield those rows of a block that are of these files."""
-    block = _BLOCK.decode(packed)
-    names = [name for name in block.fields if fields is None or name in fields]
-    columns = [_COLUMN.decode(block.fields[name]) for name in names]
-    for path, oid, values in zip(block.paths, block.oids, zip(*columns, strict=True), strict=True):
-        if files.get(path) == oid:
-            yield path, {name: value for name, value in zip(names, values, strict=True) if value is not None}
 
 
 def stated_names(path: str, entry: Entry) -> Iterator[Mention]:
@@ -492,48 +449,9 @@ class Index:
                 yield path, entry
             self.file.keep(ENTRIES, new)
 
-    def rows(
-        self,
-        files: Mapping[str, str],
-        compute: Callable[[Sequence[str]], Iterable[tuple[str, Row | InputError]]],
-        fields: Collection[str] | None = None,
-    ) -> dict[str, Row | InputError]:
-        """Return the fields of entries as they are in force, by path; kept in columns for the commit of the file.
-
-        Args:
-            files: id and path of each.
-            compute: returns them of those that are not kept.
-            fields: the only fields to return; all by default.
-        """
-        names: dict[str, list[str]] = {}
-        for path in files:
-            names.setdefault(_block_of(path), []).append(path)
-        kept = self._from_file(lambda: self.file.at(BLOCKS, [*names]))
-        blocks = kept[1] if kept is not None and kept[0] == self._commit else {}
-        found: dict[str, Row | InputError] = {}
-        for packed in blocks.values():
-            with suppress(msgspec.DecodeError):
-                found.update(_in_block(packed, files, fields))
-        missing = {block: paths for block, paths in names.items() if not found.keys() >= {*paths}}
-        keeps = missing and self.file.commit() == self._commit
-        source = iter(missing)
-        while some := [*islice(source, BLOCKS_AT_ONCE)]:
-            paths = {block: missing[block] for block in some}
-            if keeps:
-                # What is kept is whole, so that the next commit leaves all but the blocks that it changes.
-                paths = {block: [] for block in some}
-                for path in filter(is_entry, self.files):
-                    if (block := _block_of(path)) in paths:
-                        paths[block].append(path)
-            new = dict(compute([path for block in some for path in paths[block]]))
-            found.update((path, row) for path, row in new.items() if path in files)
-            if keeps:
-                rows = {
-                    block: [(path, self.files[path], new[path]) for path in paths[block]] for block in some
-                }
-                packs = {block: _packed(of) for block, of in rows.items()}
-                self.file.keep(BLOCKS, {block: one for block, one in packs.items() if one}, at=self._commit)
-        return found
+    def rows(self, oids: Sequence[str]) -> dict[str, dict[str, Value]]:
+        """Return the fields that are kept of entries, by git's id of their file."""
+        return _unpacked(_ROW, self.file.kept(ROWS, oids))
 
     def checked(self, decoder: msgspec.msgpack.Decoder[T], keys: Sequence[str]) -> dict[str, T]:
         """Return what is kept of checks, by the name of all that each follows from."""

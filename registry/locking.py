@@ -48,9 +48,12 @@ def pinned(snapshot: Snapshot, paths: Iterable[str]) -> Lock:
         paths: paths of the entries.
 
     Raises:
-        RegistryError: an entry does not exist or cannot be read.
+        RegistryError: an entry does not exist, cannot be read, or is not approved.
     """
     wanted = sorted(set(paths))
+    for one in snapshot.stored([path for path in wanted if path in snapshot.paths]):
+        if not one.entry.is_usable:
+            raise RegistryError(f"{one.id} is {one.entry.status.value}: only what is approved is pinned")
     if snapshot.commit is None:
         pins = tuple(_pin(path, data) for path, data in zip(wanted, snapshot.read_many(wanted), strict=True))
     else:

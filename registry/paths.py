@@ -265,7 +265,7 @@ def _by_hash(units: Collection[str], word: str) -> set[str]:
 
 def _by_serial(units: Collection[str], word: str, makes: Callable[[], Mapping[str, str]]) -> set[str]:
     """Return the units with this serial number, given as it is or (by default) as its hash."""
-    if len(word) < SHORTEST_HASH or not units:
+    if not word or not units:
         return set()
     hashes = {folder: hash_serial(make, word) for folder, make in makes().items()}
     return {

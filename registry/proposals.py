@@ -562,6 +562,8 @@ def judged(snapshot: Snapshot, proposals: Proposals, judge: Judge, override: str
 
 def _keeps_k(one: Proposal) -> bool:
     """Whether the K in use stays: only what an approval does not cover changes, or it is retired."""
+    if one.start is not None:
+        return True
     stays = one.current is not None and one.current.is_usable
     return needs_no_approval(one) or (stays and differs_in_status_only(one))
 
@@ -652,11 +654,12 @@ class CurrentFiles(Struct, frozen=True, kw_only=True):
         """Read the current files of an entry, given its path in ``cameras/``."""
         beside = proposal_path(path)
         oids = snapshot.paths.get(path), snapshot.proposed.get(beside)
+        there = path in snapshot.paths, beside in snapshot.proposed
         read: list[Entry | None] = []
         warnings = []
-        for oid, place, what in ((oids[0], path, "entry"), (oids[1], beside, "proposal")):
+        for is_there, place, what in ((there[0], path, "entry"), (there[1], beside, "proposal")):
             try:
-                read.append(parse_entry(snapshot.read(place), place) if oid is not None else None)
+                read.append(parse_entry(snapshot.read(place), place) if is_there else None)
             except InputError as error:
                 read.append(None)
                 warnings.append(f"the current {what} cannot be read and is replaced: {error}")
@@ -745,7 +748,8 @@ def propose_retirements(
             items.append(_changed(one, _with_status(one.entry, Status.RETIRED, reason)))
     if successor is not None:
         items.append(_succeeding(_current(snapshot, successor), [*stored.values()]))
-    return checked(snapshot, items, "Retire")
+    # What is wrong with a K does not keep it from being retired.
+    return checked(snapshot, items, "Retire", only_new=True)
 
 
 def propose_approvals(
@@ -797,7 +801,7 @@ def _retired_from(snapshot: Snapshot, stored: StoredEntry, start: date, reason: 
         raise RegistryError(f"nothing was written: only statements retire from a day on; {UNPROVEN}")
     if not stored.entry.is_usable:
         raise RegistryError(f"{stored.id} is {stored.entry.status.value} already")
-    before = snapshot.committed(stored.path)
+    before = (snapshot.committed if stored.base is not None else snapshot.read)(stored.path)
     last = until(stored.entry, start)
     return Proposal(
         entry=replace(stored.entry, reason=reason),
@@ -942,4 +946,6 @@ def _act(one: Proposal) -> Act | None:
         start=one.start,
         is_proposed=is_proposed,
         brought=one.brought,
+        # Of several approvals only the last writes the file, and another proposal may take this one's place.
+        blob=one.approves if one.replaced else None,
     )

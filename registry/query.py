@@ -58,12 +58,6 @@ OWN: Final = (
     *("grade", "firmware", "proposal", "proposed", "remark"),
 )
 """Fields that are not in the file, or not in this form."""
-USUAL: Final = frozenset(
-    {
-        *("label", "unit", "tags", "status", "grade", "remark", "camera.make", "camera.model"),
-        *("intrinsics.fx", "intrinsics.cx", "intrinsics.cy", "distortion.model", "provenance.date"),
-    }
-)
 DATES: Final = frozenset(
     {
         *(f"provenance.{name}" for name, one in ABOUT.items() if one.flag == "day"),
@@ -300,7 +294,7 @@ class EntryListing(Struct, frozen=True, eq=False, dict=True):
     """Selected entries of a registry, and the errors of those that cannot be read.
 
     Attributes:
-        chosen: rows of fields of the selected entries, sorted; only :data:`USUAL` ones where no other was asked for.
+        chosen: rows of fields of the selected entries, sorted.
         unreadable: errors of entries that cannot be read.
         snapshot: state of the registry.
         columns: full names of the fields to show; None for the usual ones.
@@ -370,13 +364,12 @@ def listed(
         InputError: a condition or field does not exist.
     """
     conditions = [one for text in where for one in parse_where(text)]
-    fields = None if conditions or sort or columns else USUAL
     unreadable: list[RegistryError] = []
     paths = _paths_with_words(snapshot, [word.lower() for word in words])
     proposed = snapshot.proposed
     found = [
         (path, _row(path, row, proposed))
-        for path, row in snapshot.rows(paths, unreadable=unreadable.append, fields=fields)
+        for path, row in snapshot.rows(paths, unreadable=unreadable.append)
         if (not statuses or row["status"] in statuses)
         and (not grades or row["grade"] in grades)
         and (path not in proposed or "draft" in statuses or in_use_path(path) not in snapshot.paths)

@@ -25,12 +25,12 @@ from calibrary.records import Json, Meta, Record, replace
 from calibrary.registry.configuration import STATED, Configuration
 from calibrary.registry.entry import USABLE, Entry, EntryFields, Status
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry, parsed
-from calibrary.registry.fields import Row, entry_row
+from calibrary.registry.fields import Row, Value, entry_row
 from calibrary.registry.git.errors import TooLargeError
 from calibrary.registry.git.history import history
 from calibrary.registry.git.objects import ObjectId, blob_id
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.index import LABEL, NAMED, Index, index_at, label_in, parsed_or_error
+from calibrary.registry.index import LABEL, NAMED, ROWS, Index, index_at, label_in, parsed_or_error
 from calibrary.registry.paths import (
     PROPOSED,
     ROOT,
@@ -122,12 +122,12 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
 
     @cached_property
     def paths(self) -> Mapping[str, str | None]:
-        """Blob id of every entry in ``cameras/``, by path; None in a plain folder.
+        """Blob id of every entry in use, by path; None in a plain folder, and for an approved file in ``proposals/``.
 
         Raises:
             RegistryError: there is no registry in the folder, or it cannot be listed.
         """
-        return self._entries_in(ROOT)
+        return MappingProxyType({**_entries_in(self._files, ROOT), **self._unmoved(self.proposed)})
 
     @cached_property
     def proposed(self) -> Mapping[str, str | None]:
@@ -136,7 +136,12 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         Raises:
             RegistryError: the folder cannot be listed.
         """
-        return self._entries_in(PROPOSED)
+        return MappingProxyType(_entries_in(self._files, PROPOSED))
+
+    def _unmoved(self, proposed: Iterable[str]) -> dict[str, str | None]:
+        """Return the paths in use of proposals that are approved: of two who approve one at once, nobody moves it."""
+        new = [path for one in proposed if (path := in_use_path(one)) not in self._files]
+        return {path: None for path, one in self.standings(new).items() if one.data is not None}
 
     @cached_property
     def strays(self) -> tuple[str, ...]:
@@ -157,10 +162,6 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         if self.repo is None or self.commit is None:
             return dict.fromkeys(paths_below(self.place))
         return self.contents.files
-
-    def _entries_in(self, top: str) -> Mapping[str, str | None]:
-        files = self._files.items()
-        return MappingProxyType({path: oid for path, oid in files if path.startswith(top) and is_entry(path)})
 
     @cached_property
     def contents(self) -> Index:
@@ -252,8 +253,8 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         if len(paths) > MANY:
             book.read_all()
         known = self.contents.seen(self._ref, subjects) if self._is_tip else {}
-        there = [path for path in paths if path in self.paths]
-        there += [beside for path in paths if (beside := proposal_path(path)) in self.proposed]
+        there = [path for path in paths if path in self._files]
+        there += [beside for path in paths if (beside := proposal_path(path)) in self._files]
         stated = dict(self.contents.parsed(self._each(there, RegistryError)))
         found, seen = {}, {}
         for path, subject in zip(paths, subjects, strict=True):
@@ -357,7 +358,7 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         return self.repo.objects(oids)
 
     def _oid(self, path: str) -> str | None:
-        return (self.proposed if is_proposal(path) else self.paths).get(path)
+        return self._files.get(path)
 
     def files(self) -> Iterator[tuple[str, bytes]]:
         """Yield path and content of every entry in ``cameras/``, sorted by path.
@@ -388,33 +389,35 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         paths: Iterable[str],
         *,
         unreadable: Callable[[RegistryError], None],
-        fields: Collection[str] | None = None,
     ) -> Iterator[tuple[str, Row]]:
-        """Yield the fields of the entries at some paths, in order, without creating entries.
+        """Yield the fields of the entries at some paths, in order.
 
         Args:
             paths: paths in ``cameras/`` and ``proposals/``.
             unreadable: called with the error of each entry that cannot be read.
-            fields: the only fields to yield; all by default.
         """
-        wanted = sorted(paths)
-        if self.repo is None:
-            rows = dict(self._rows(wanted))
-        else:
-            oids = self.contents.files
-            rows = self.contents.rows({path: oids[path] for path in wanted}, self._rows, fields)
+        wanted, new = sorted(paths), dict[str, dict[str, Value]]()
+        standings = self.standings(wanted)
+        own = {path: blob_id(one.data) for path, one in standings.items() if one.data is not None}
+        said = {path: own.get(path) or self._oid(path) for path in wanted}
+        refused = {path for path, one in standings.items() if one.problem is not None}
+        oids = {path: oid for path, oid in said.items() if oid is not None and path not in refused}
+        kept = self.contents.rows([*oids.values()]) if oids else {}
+        rest = self.parsed([path for path in wanted if oids.get(path) not in kept])
         for path in wanted:
-            row = rows[path]
-            if isinstance(row, InputError):
-                unreadable(RegistryError(str(row)))
-            else:
-                yield path, row
-
-    def _rows(self, paths: Sequence[str]) -> Iterator[tuple[str, Row | InputError]]:
-        for path, entry in self.parsed(paths):
+            row = kept.get(oids.get(path, ""))
+            if row is None:
+                _, entry = next(rest)
+                if isinstance(entry, InputError):
+                    unreadable(RegistryError(str(entry)))
+                    continue
+                row = entry_row(entry)
+                if path in oids:
+                    new[oids[path]] = row
             remark = self.remark(path)
-            said = {"remark": remark} if remark is not None else {}
-            yield path, entry_row(entry) | said if isinstance(entry, Entry) else entry
+            yield path, row | ({"remark": remark} if remark is not None else {})
+        if new:
+            self.contents.file.keep(ROWS, new)
 
     def stored(self, paths: Sequence[str]) -> tuple[StoredEntry, ...]:
         """Return the entries at some paths, in order.
@@ -633,12 +636,13 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
             return self._indices[folders]
         every = self.repo.listing(self.commit, *folders, *map(proposal_path, folders))
         listed = [path for path in every if is_entry(path)]
+        proposed = [*filter(is_proposal, listed)]
         if len(self._indices) >= MOST_INDICES:
             self._indices.clear()
         self._indices[folders] = RegistryIndex(
-            [path for path in listed if not is_proposal(path)],
+            [*(path for path in listed if not is_proposal(path)), *self._unmoved(proposed)],
             self.read,
-            proposed=filter(is_proposal, listed),
+            proposed=proposed,
             aliases=lambda: aliases,
             earlier=self.earlier,
             prepare=self.standings,
@@ -662,6 +666,10 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
 
     def _parsed(self, path: str, data: bytes) -> Entry:
         return parsed(data, path, require_digest=self.repo is not None)
+
+
+def _entries_in(files: Mapping[str, str | None], top: str) -> dict[str, str | None]:
+    return {path: oid for path, oid in files.items() if path.startswith(top) and is_entry(path)}
 
 
 def used_before(

@@ -788,13 +788,13 @@ def standing_of(
     plain = replace(plain, label=label) if label != plain.label else plain
     entry = until(plain, in_force.until)
     remark = None
-    if not is_here and not is_proposed:
+    if not is_here and not is_proposed and (stated is not None or proposed is None):
         newer = "its file says something newer, which nothing that counts approves"
         remark = f"{newer if stated is not None else UNREAD}: the last approved revision is used"
     return Standing(
         data=entry_yaml(entry) if entry != stated else None,
         remark=remark,
-        differs=plain != stated,
+        differs=stated is not None and plain != stated,
         approvals=_adopted(book)
         if not in_force.approvals
         else tuple(

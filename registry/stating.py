@@ -44,6 +44,7 @@ class Act(Struct, frozen=True, kw_only=True):
         start: first day of a retirement.
         is_proposed: whether it was proposed before, by this person or another one.
         brought: files of statements that come along, from the branch with the proposal.
+        blob: git's id of a file with this content that a commit has; None if the change writes it.
     """
 
     action: Action
@@ -52,6 +53,7 @@ class Act(Struct, frozen=True, kw_only=True):
     start: date | None = None
     is_proposed: bool = True
     brought: tuple[Change, ...] = ()
+    blob: str | None = None
 
 
 class Stated(Struct, frozen=True, kw_only=True):
@@ -161,7 +163,7 @@ def stated(
             subject=subject,
             after=Chain(there).heads,
             content=content_of(act.entry),
-            blob=blob_id(act.data) if act.data else None,
+            blob=act.blob or (blob_id(act.data) if act.data else None),
             start=act.start,
             reason=act.entry.reason if reason is None and act.action != "propose" else reason,
         )

@@ -6,7 +6,7 @@ import random
 import sqlite3
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import closing
 from functools import partial
 from pathlib import Path
@@ -17,13 +17,12 @@ import pytest
 from hypothesis import given, settings
 
 from calibrary.calibration import CameraKey
-from calibrary.errors import InputError
 from calibrary.records import replace
 from calibrary.registry import index
 from calibrary.registry.checks import check_all
 from calibrary.registry.entry import Alias, Entry
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry
-from calibrary.registry.fields import Row, Value, entry_row
+from calibrary.registry.fields import Value, entry_row
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.index import ALIAS, LABEL, SUPERSEDES, Index, index_at, stated_names
 from calibrary.registry.init import init
@@ -65,14 +64,6 @@ def require_what_git_says(repo: Repository, at: Index, commit: str) -> None:
     assert sorted(one for kind in (ALIAS, LABEL, SUPERSEDES) for one in at.mentions(kind)) == expected
     contents = ((oid, path, repo.blob(oid)) for path, oid in files.items())
     assert [*at.parsed(contents)] == parsed
-    rows = {path: entry_row(entry) for path, entry in parsed}
-    assert at.rows(files, lambda paths: [(path, rows[path]) for path in paths]) == rows
-    # What was kept now is what is answered, whole or by some of its fields.
-    fields = {"label", "intrinsics.fx"}
-    assert at.rows(files, lambda paths: [(path, rows[path]) for path in paths], fields) in (
-        rows,
-        {path: {name: row[name] for name in fields & row.keys()} for path, row in rows.items()},
-    )
 
 
 def random_entry(dice: random.Random) -> Entry:
@@ -163,23 +154,8 @@ def test_only_what_changed_is_read_again(
     monkeypatch.undo()
     files = [(oid, path, repo.blob(oid)) for path, oid in at.files.items()]
     first = [*at.parsed(files)]
-    said = dict(first)
-    rows = at.rows(at.files, lambda paths: [(path, entry_row(said[path])) for path in paths])  # type: ignore[arg-type]
     monkeypatch.setattr(index, "parsed_or_error", refuse)
     assert [*index_at(repo, tip(repo), folder=kept).parsed(files)] == first
-    # Nor are the fields of what was read once asked for, after a commit only those of the models that it changes.
-    assert index_at(repo, tip(repo), folder=kept).rows(at.files, refuse) == rows
-    monkeypatch.undo()
-    put(repo.path, an_entry(model="Newer"))
-    again = index_at(repo, tip(repo), folder=kept)
-    asked: list[str] = []
-
-    def note(paths: Sequence[str]) -> list[tuple[str, Row | InputError]]:
-        asked.extend(paths)
-        return [(path, {}) for path in paths]
-
-    _ = again.rows(again.files, note)
-    assert asked == [an_entry(model="Newer").path]
 
 
 def test_the_file_follows_the_branch_and_asking_for_the_past_leaves_it(

@@ -12,10 +12,13 @@ import pytest
 from calibrary.cli.main import main
 from calibrary.registry import proposals
 from calibrary.registry.entry import Status
+from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.writing import Written
 from calibrary.registry.proposals import write_changes
 from calibrary.registry.registry import Registry
+from tests.cli.registry.direct import put, put_bytes
 from tests.cli.registry.fleets import P4R, add, commit_of, held, looked_at, printed, run, xml
+from tests.registry.entries import an_entry
 from tests.registry.git.repositories import git
 
 
@@ -186,3 +189,22 @@ def test_an_entry_that_changes_under_the_decision_is_a_conflict(
     code, _, err = run(capsys, "approve", *looked_at(drafts, P4R))
     assert (code, "nothing was written" in err) == (4, True)
     assert held(drafts).entry.status is Status.DRAFT
+
+
+def test_a_k_that_is_wrong_is_retired_from_a_day_on(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    entry = an_entry(model="FC330", focal_mm=None)
+    put(fleet, entry)
+    assert run(capsys, "check")[0] == 1
+    asked = ("resolve", "--make", "DJI", "--model", "FC330", "--image-size", "5472x3648", "--on")
+    code, _, err = run(capsys, "retire", entry.id, "--reason", "sold", "--from", "2026-10-01")
+    assert (code, "--force" in err) == (0, False)
+    assert printed(capsys, "resolution-1", *asked, "2026-10-01")["entry"] is None
+    assert printed(capsys, "resolution-1", *asked, "2026-09-30")["entry"]["id"] == entry.id
+
+
+def test_what_nobody_approved_is_not_pinned(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    put(fleet, an_entry())
+    new = an_entry(model="FC330")
+    put_bytes(fleet, {new.path: entry_yaml(new)})
+    code, _, err = run(capsys, "lock", new.id, "--out", fleet.parent / "a.lock")
+    assert (code, "only what is approved is pinned" in err) == (4, True)

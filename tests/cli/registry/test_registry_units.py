@@ -279,3 +279,13 @@ class TestTagsAndEdits:
         assert str(proposed.validity) == "until 2030-12-31"
         assert run(capsys, "approve", "P4R-03", "--digest", str(held(six, "proposals/P4R-03").oid))[0] == 0
         assert str(held(six, "P4R-03").entry.validity) == "until 2030-12-31"
+
+
+def test_a_unit_goes_by_a_serial_number_of_three_letters(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = xml(tmp_path / "a.xml")
+    words = ("add", file, "--make", "Fleet", "--model", "CamA", "--serial", "SN1", "--approve", "--yes")
+    assert run(capsys, *words)[0] == 0
+    for word in ("SN1", "CamA"):
+        assert printed(capsys, "resolution-1", "resolve", word)["entry"]["id"] == held(fleet, "SN1").id

@@ -20,8 +20,9 @@ from calibrary.known_camera import hashed
 from calibrary.records import replace
 from calibrary.registry import standing
 from calibrary.registry.entry import Alias, Entry, Status, Validity
+from calibrary.registry.git.writing import Person
 from calibrary.registry.paths import proposal_path
-from calibrary.registry.proposals import Note, write_changes
+from calibrary.registry.proposals import Note, propose_approvals, save, write_changes
 from calibrary.registry.registry import Registry
 from calibrary.registry.sshsig import Signer
 from calibrary.registry.statements import NAMESPACE, RULES, Body, subject_of
@@ -403,13 +404,13 @@ class TestDamaged:
     ) -> None:
         model = stories[1 + len(CASES) + number][1].calibration.camera.model or ""
         found = {reader: those.get(model, those.get("*")) for reader, those in damaged_said.items()}
-        # An audit and an extract go on without that entry, and give no K of it.
+        # An audit, an extract, an export and a lock go on without that entry, and give no K of it.
         assert set(found.values()) <= {REFUSED, None}, found
-        assert {found[reader] for reader in ("resolve", "python", "show", "list", "export")} == {REFUSED}
+        assert {found[reader] for reader in ("resolve", "python", "show", "list")} == {REFUSED}
 
     def test_no_other_entry_is(self, damaged_said: dict[str, dict[str, Answer]]) -> None:
         single = {reader: those["M01"] for reader, those in damaged_said.items() if "*" not in those}
-        assert {"resolve", "python", "show", "list", "site"} <= single.keys()
+        assert {"resolve", "python", "show", "list", "site", "export", "lock"} <= single.keys()
         assert set(single.values()) == {3001.0}
 
     def test_the_check_says_where(self, damaged: tuple[Desk, Path], stories: list[tuple[str, Entry]]) -> None:
@@ -701,6 +702,33 @@ class TestMany:
         desk.commit()
         with pytest.raises(RegistryError, match="has 11 files, and 8 are read"):
             Fleet(desk.fleet).show("example/m01")
+
+    def test_a_new_camera_that_two_approve_in_their_own_clones_is_in_force_once_they_are_merged(
+        self, small: Desk, tmp_path: Path
+    ) -> None:
+        desk, new = copied(small, tmp_path / "fleet"), camera(77)
+        desk.put(replace(new, status=Status.DRAFT), proposal_path(new.path))
+        desk.commit()
+        other = copied(desk, tmp_path / "other")
+        for one, who in ((desk, "ada"), (other, "bob")):
+            registry, person = one.by(who), Person(name=who, email=f"{who}@example.com")
+            proposals = propose_approvals(registry.snapshot(), registry.snapshot(), [new.id])
+            save(registry, proposals, author=person)
+        merged(desk, other)
+        fleet, fx = Fleet(desk.fleet), new.calibration.intrinsics.fx
+        [row] = [one for one in fleet.listing().chosen.rows if one["id"] == new.id]
+        assert (row["status"], row["intrinsics.fx"]) == ("approved", fx)
+        found = fleet.snapshot.resolve(new.calibration.camera)
+        assert found is not None
+        assert found.entry.calibration.intrinsics.fx == fx
+        assert fleet.check().errors == ()
+        assert new.path in {pin.path for pin in fleet.lock(out=tmp_path / "a.lock").pins}
+        assert fleet.status().matters == ()
+        desk.put(with_fx(new), proposal_path(new.path))
+        desk.commit()
+        found = Fleet(desk.fleet).snapshot.resolve(new.calibration.camera)
+        assert found is not None
+        assert found.entry.calibration.intrinsics.fx == fx
 
     def test_what_two_approve_in_their_own_clones_is_in_force_though_nobody_moved_its_file(
         self, small: Desk, tmp_path: Path
