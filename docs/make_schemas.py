@@ -44,8 +44,9 @@ PRINTED: Final[Mapping[str, str]] = {
     "registry-begun-1": "calibrary.registry.init:InitReport",
     "catalogue-listing-1": "calibrary.catalogue:CatalogueListing",
     "resolution-1": "calibrary.jobs.resolve.run:FleetAnswer",
-    "published-2": "calibrary.registry.published.layout:PublishedState",
-    "published-camera-1": "calibrary.registry.published.layout:PublishedCamera",
+    "published-3": "calibrary.registry.published.manifest:SignedManifest",
+    "published-list-1": "calibrary.registry.published.manifest:PublishedList",
+    "published-camera-2": "calibrary.registry.published.manifest:PublishedCamera",
     "registry-publish-1": "calibrary.registry.published.write:Publication",
 }
 """The documents that calibrary writes for programs: every field is always there. A record in several of them has its

@@ -15,8 +15,8 @@ from calibrary.errors import RegistryError, UsageError
 CONFIGURATION_FILE: Final = "registry.yaml"
 """File name at the root of a registry."""
 ADDRESS: Final = re.compile(r"file:|[a-z][a-z0-9+.-]+://", re.IGNORECASE)
-PUBLISHED_FILE: Final = "metadata/1.root.json"
-"""A file that every published registry has."""
+PUBLISHED_FILE: Final = "calibrary-manifest.json"
+"""The signed file of a published registry, which leads to all others."""
 VARIABLE: Final = "CALIBRARY_REGISTRY"
 SEPARATOR: Final = ";"
 """Separates registries in the environment variable; ``:`` occurs in every address."""

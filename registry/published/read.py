@@ -1,20 +1,15 @@
-"""Reader of a published registry: the entries of a camera, with every file verified from its metadata.
+"""Reader of a published registry: the entries of a camera, with every file verified from the signed manifest.
 
-The metadata defines one state. A file that does not match it means that the registry was published again in between;
-then the metadata is read again and the query repeated. If the server cannot be reached, the last state and the cached
-files are used, with a warning about their age.
+The manifest defines one state. A file that is gone or damaged means that the registry was published again in between;
+then the manifest is read again and the query repeated. If the server cannot be reached, the last manifest and the
+cached files are used, with a warning about their age, until it expires.
 """
 
 from __future__ import annotations
 
 import os
-import shutil
-import tempfile
 import time
-import weakref
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -22,44 +17,52 @@ from typing import Final, TypeVar
 
 import msgspec
 
+from calibrary.atomic import write_files
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, RegistryError
 from calibrary.known_camera import match_key
-from calibrary.records import from_json
 from calibrary.registry.entry import Entry
-from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
-from calibrary.registry.paths import folder_of
+from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.git.locks import writer_lock
+from calibrary.registry.paths import ROOT, UNIT, slug
 from calibrary.registry.places import PUBLISHED_FILE
 from calibrary.registry.published.address import normalised
 from calibrary.registry.published.cache import Cache
 from calibrary.registry.published.fetch import Fetch, FetchError, fetch
-from calibrary.registry.published.layout import (
+from calibrary.registry.published.manifest import (
+    LARGEST_CAMERA,
+    LARGEST_LIST,
+    LARGEST_MANIFEST,
+    Manifest,
+    NoManifestError,
+    Opened,
     PublishedCamera,
     PublishedEntry,
-    camera_path,
-    entry_path,
+    PublishedList,
+    file_of,
+    model_of,
+    opened,
+    require_trusted,
     sha256,
 )
-from calibrary.registry.published.trust import GONE, SIGNERS, MixedError, Trust
 from calibrary.registry.resolution import RegistryIndex
-from calibrary.strictjson import parse_json
 
-LARGEST_CAMERA: Final = 4 << 20
 PAUSES_S: Final = (0.0, 0.2, 0.6)
-"""Seconds to wait before a file that does not match the root is read again."""
+"""Seconds to wait before the manifest is read again, because a file does not match it."""
+GONE: Final = frozenset({403, 404, 410})
+"""Statuses by which servers say that there is no such file; buckets that may not be listed answer 403."""
 MOST_ALIASES: Final = 32
 MOST_INDEXES: Final = 4096
 """Number of cameras whose entries are kept parsed."""
-AT_ONCE: Final = 8
-"""Number of files read at the same time."""
-
-UNITS_S: Final[Mapping[str, int]] = {"days": 86400, "hours": 3600, "minutes": 60}
+WAIT_S: Final = 30.0
+SIGNERS: Final = "CALIBRARY_SIGNERS"
+"""Environment variable with an "ALLOWED SIGNERS" file of ssh-keygen(1), one of whom has to sign the manifest."""
 
 Found = TypeVar("Found")
 
 
 class _StaleError(RegistryError):
-    """A file does not match the digest given by the metadata."""
+    """A file is not the one that the manifest vouches for."""
 
 
 class Published:
@@ -67,14 +70,15 @@ class Published:
 
     Attributes:
         url: address of the registry, with a trailing slash.
-        state: what is published.
+        manifest: what is published.
+        read: when the server last confirmed it.
         warnings: warnings for the user, as that the server cannot be reached.
     """
 
     def __init__(
         self, address: str, *, cache: Cache | None = None, signers: Path | None = None, fetch: Fetch = fetch
     ) -> None:
-        """Read the metadata.
+        """Read the manifest.
 
         Args:
             address: address of the folder.
@@ -92,23 +96,14 @@ class Published:
         self._signers: Final = signers or (Path(named) if named else None)
         self._fetch: Final = fetch
         self._indexes: dict[tuple[str, str, str], RegistryIndex] = {}
+        self._list: PublishedList | None = None
         self._is_retry = False
         self._load()
 
     @property
     def commit(self) -> str:
         """Published commit."""
-        return self.state.commit
-
-    @property
-    def expires(self) -> datetime:
-        """When this state must not be used any more."""
-        return self._trust.expires
-
-    @property
-    def read(self) -> datetime:
-        """When the server last confirmed this state."""
-        return self._trust.read
+        return self.manifest.commit
 
     def index_for(self, key: CameraKey) -> RegistryIndex:
         """Return an index of the entries that may match a camera.
@@ -127,66 +122,55 @@ class Published:
         return found
 
     def _index(self, key: CameraKey) -> RegistryIndex:
-        make, model = key.make or "", key.model or ""
-        model_file = self._camera(CameraKey(make=make, model=model))
-        aliases = model_file.aliases[:MOST_ALIASES] if model_file is not None else ()
-        names = [(make, model), *((name.make, name.model) for name in aliases)]
-        serials = [None, key.serial] if key.serial is not None else [None]
-        keys = [CameraKey(make=one[0], model=one[1], serial=serial) for one in names for serial in serials]
-        files = [self._camera(one) for one in keys]
-        rows = {row.path: row for file in files if file is not None for row in file.entries}
-        contents = self._entries([row.sha256 for row in rows.values()])
-        earlier = self._entries([one.sha256 for row in rows.values() for one in row.earlier])
-        folders = frozenset(folder_of(*name) for name in names[1:])
+        if self._list is None:
+            self._list = self._decoded(PublishedList, self.manifest.cameras, LARGEST_LIST)
+        listed = self._list
+        make, model = match_key(key.make or ""), match_key(key.model or "")
+        own = model_of(make, model)
+        others = listed.aliases.get(own, ())[:MOST_ALIASES]
+        units = [f"/{UNIT}{slug(key.serial)}"] if key.serial is not None else []
+        names = [f"{name}{unit}" for name in (own, *others) for unit in ("", *units)]
+        rows = {
+            row.path: row
+            for name in names
+            if (digest := listed.cameras.get(name)) is not None
+            for row in self._decoded(PublishedCamera, digest, LARGEST_CAMERA).entries
+        }
         return RegistryIndex(
             rows,
-            lambda path: contents[rows[path].sha256],
-            aliases=lambda: {(match_key(make), match_key(model)): folders} if folders else {},
-            earlier=lambda path: _revisions(rows[path], earlier),
+            lambda path: bytes(rows[path].entry),
+            aliases=lambda: {(make, model): frozenset(f"{ROOT}{name}/" for name in others)},
+            earlier=lambda path: _revisions(rows[path]),
         )
 
-    def _camera(self, key: CameraKey) -> PublishedCamera | None:
-        """Return the file of a make and model, or of a unit, parsed once per process; None if it is not listed."""
-        path = camera_path(key)
+    def _decoded(self, kind: type[Found], digest: str, most: int) -> Found:
+        """Read the file with a digest, from the cache if it is there.
+
+        Raises:
+            RegistryError: it cannot be read, or is not of this kind.
+        """
         try:
-            digest = self._trust.digest(path)
-        except FetchError as error:
-            raise _unread(error) from None
-        if digest is None:
-            return None
-        found = self._cache.documents.get(digest)
-        if found is None:
-            data = self._cache.get(digest) or self._fetched(path, digest, LARGEST_CAMERA)
-            found = _verified_camera(data, f"{self.url}{path}")
-            self._cache.remember(digest, found)
-        return found
+            return msgspec.json.decode(self._cache.get(digest) or self._fetched(digest, most), type=kind)
+        except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+            raise RegistryError(f"{self.url}{file_of(digest)}: is not as published: {error}") from None
 
-    def _entries(self, digests: Sequence[str]) -> dict[str, bytes]:
-        """Return entry files by digest; several are downloaded at a time."""
-        kept = {digest: self._cache.get(digest) for digest in dict.fromkeys(digests)}
-        found = {digest: data for digest, data in kept.items() if data is not None}
-        missing = [digest for digest in kept if digest not in found]
-        fetched = partial(self._fetched, most=LARGEST_ENTRY)
-        if len(missing) <= 1:
-            return found | {digest: fetched(entry_path(digest), digest) for digest in missing}
-        with ThreadPoolExecutor(max_workers=AT_ONCE) as pool:
-            return found | dict(
-                zip(missing, pool.map(fetched, map(entry_path, missing), missing), strict=True)
-            )
-
-    def _fetched(self, path: str, digest: str, most: int) -> bytes:
+    def _fetched(self, digest: str, most: int) -> bytes:
         """Download a file, verify it, and store it in the cache.
 
         Raises:
-            _StaleError: the server has another content.
+            _StaleError: the server has none, or another content.
             RegistryError: the server cannot be reached.
         """
         try:
-            data = self._fetch(f"{self.url}{path}", most=most, fresh=self._is_retry)
+            data = self._fetch(f"{self.url}{file_of(digest)}", most=most, fresh=self._is_retry)
         except FetchError as error:
-            raise _unread(error) from None
+            if error.status in GONE:
+                raise _StaleError(str(error)) from None
+            raise RegistryError(
+                f"{error}; it is not in the cache" if error.is_temporary else str(error)
+            ) from None
         if sha256(data) != digest:
-            raise _StaleError(f"{self.url}{path}: is not the file that the metadata vouches for")
+            raise _StaleError(f"{self.url}{file_of(digest)}: is not the file that the manifest vouches for")
         self._cache.keep(data, digest)
         return data
 
@@ -214,87 +198,63 @@ class Published:
             self._is_retry = False
 
     def _load(self) -> None:
-        """Read the metadata; errors as for the constructor.
-
-        It may be published at this moment, or a cache on the way may give an old file, so what is missing or does not
-        fit is read again.
-        """
-        folder = self._cache.trusted(self.url)
-        for pause_s in (*PAUSES_S, None):
-            try:
-                self._trust, unkept = self._trusted(folder)
-                break
-            except (_StaleError, MixedError) as error:
-                if pause_s is None:
-                    raise RegistryError(str(error)) from None
-                time.sleep(pause_s)
-                self._is_retry = True
-        self.state = self._trust.state
-        offline = self._trust.offline
-        told = f"{offline}; {_age(self._trust.read)} is used" if offline is not None else None
-        self.warnings: tuple[str, ...] = tuple(one for one in (told, unkept) if one is not None)
+        """Read the manifest; errors as for the constructor."""
+        memory = self._cache.trusted(self.url)
+        known, told = _remembered(memory, self.url), None
+        self.read = datetime.now(UTC)
+        try:
+            data = self._fetch(f"{self.url}{PUBLISHED_FILE}", most=LARGEST_MANIFEST, fresh=self._is_retry)
+            found = opened(data, f"{self.url}{PUBLISHED_FILE}")
+        except (FetchError, NoManifestError) as error:
+            if isinstance(error, FetchError) and error.status in GONE:
+                raise RegistryError(
+                    f"{error}: no published registry here, expected {PUBLISHED_FILE} ('calibrary registry publish' "
+                    "writes it)"
+                ) from None
+            if known is None or (isinstance(error, FetchError) and not error.is_temporary):
+                raise
+            self.read = datetime.fromtimestamp(memory.stat().st_mtime, UTC)
+            found, told = known, f"{error}; the copy in the cache of {self.read:%Y-%m-%d %H:%M} UTC is used"
+        require_trusted(found, known, self._signers, self.url, memory)
+        if found is not known:
+            told = _remember(memory, found, self.url)
+        self.manifest: Manifest = found.manifest
+        self.warnings: tuple[str, ...] = (told,) if told is not None else ()
+        self._list = None
         self._indexes.clear()
 
-    def _trusted(self, folder: Path) -> tuple[Trust, str | None]:
-        """Read the metadata; also return a warning if what is trusted cannot be kept."""
-        how = partial(Trust, self.url, fetch=self._fetch, signers=self._signers, fresh=self._is_retry)
-        try:
-            try:
-                return how(folder=folder), None
-            except OSError as error:
-                # What is trusted already holds even where nothing more can be kept.
-                temporary = Path(tempfile.mkdtemp())
-                weakref.finalize(self, shutil.rmtree, temporary, ignore_errors=True)
-                with suppress(OSError):
-                    shutil.copytree(
-                        folder, temporary, dirs_exist_ok=True, ignore=shutil.ignore_patterns("*.lock")
-                    )
-                unkept = f"{folder}: cannot be written ({error}), so that a later run would not notice an older state"
-                return how(folder=temporary), unkept
-        except FetchError as error:
-            if error.status not in GONE:
-                raise
-            if PUBLISHED_FILE in str(error):
-                raise RegistryError(
-                    f"{self.url}: no published registry here, expected {PUBLISHED_FILE} "
-                    "('calibrary registry publish' writes it)"
-                ) from None
-            raise _StaleError(str(error)) from None
 
+def _remembered(memory: Path, url: str) -> Opened | None:
+    """Return the manifest that was read last at an address; None if none was.
 
-def _unread(error: FetchError) -> RegistryError:
-    """Return the error for a file that could not be downloaded."""
-    if error.status in GONE:
-        return _StaleError(str(error))
-    return RegistryError(f"{error}; it is not in the cache" if error.is_temporary else str(error))
-
-
-def _verified_camera(data: bytes, source: str) -> PublishedCamera:
-    """Parse a verified file in one step; if this fails, the slower parser gives the error message."""
+    Raises:
+        RegistryError: it is damaged.
+    """
     try:
-        return msgspec.json.decode(data, type=PublishedCamera)
-    except (msgspec.MsgspecError, UnicodeDecodeError):
-        pass
+        return opened(memory.read_bytes(), str(memory))
+    except OSError:
+        return None
+    except RegistryError:
+        raise RegistryError(f"{memory}: is damaged; remove it, and {url} is trusted anew") from None
+
+
+def _remember(memory: Path, found: Opened, url: str) -> str | None:
+    """Keep a manifest, unless another process has read a newer one; return a warning if it cannot be kept."""
     try:
-        return from_json(PublishedCamera, parse_json(data, source=source), source=source)
-    except InputError as error:
-        raise RegistryError(str(error)) from None
+        memory.parent.mkdir(parents=True, exist_ok=True)
+        with writer_lock(memory.parent, wait_s=WAIT_S):
+            newest = _remembered(memory, url)
+            if newest is None or newest.manifest.version <= found.manifest.version:
+                write_files({memory: found.data})
+    except (OSError, RegistryError, InputError) as error:
+        return f"{memory}: cannot be written ({error}), so that a later run would not notice an older state"
+    return None
 
 
-def _age(read: datetime) -> str:
-    """Return the age of a cached copy in words."""
-    seconds = max(0.0, (datetime.now(UTC) - read).total_seconds())
-    number, unit = next(
-        ((int(seconds // size), name) for name, size in UNITS_S.items() if seconds >= 2 * size), (0, "")
-    )
-    old = f"{number} {unit} old" if unit else "less than two minutes old"
-    return f"the copy in the cache of {read:%Y-%m-%d %H:%M} UTC, {old},"
-
-
-def _revisions(row: PublishedEntry, contents: Mapping[str, bytes]) -> Iterator[tuple[str, Entry]]:
+def _revisions(row: PublishedEntry) -> Iterator[tuple[str, Entry]]:
     """Yield the earlier usable revisions of an entry, newest first."""
     for one in row.earlier:
-        yield one.commit, parse_entry(contents[one.sha256], row.path)
+        yield one.commit, parse_entry(bytes(one.entry), row.path)
 
 
 def _no_file(path: str) -> bytes:

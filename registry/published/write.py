@@ -1,4 +1,4 @@
-"""Writing a commit of a registry as static files: only changed files, and the timestamp last."""
+"""Writing a commit of a registry as static files: only those of cameras that changed, and the manifest last."""
 
 from __future__ import annotations
 
@@ -6,60 +6,76 @@ import os
 import re
 import unicodedata
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
-from datetime import UTC, date, datetime
-from functools import cache, partial
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 from typing import Final
 
 import msgspec
 from msgspec import Struct, field
-from tuf.api.metadata import TargetFile
 
-from calibrary.calibration import CameraKey
+from calibrary.atomic import check_folder, write_files
 from calibrary.errors import InputError, RegistryError
-from calibrary.known_camera import is_serial_hash, match_key
-from calibrary.records import Record, from_json, replace, to_json
-from calibrary.registry.entry import Entry, Status, Validity
-from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.git.history import changed, history
+from calibrary.known_camera import is_serial_hash
+from calibrary.records import Record, encoded, replace
+from calibrary.registry.entry import Alias, Entry, Status, Validity
+from calibrary.registry.git.history import history
+from calibrary.registry.git.locks import writer_lock
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.paths import CAMERAS, STATEMENTS, SUFFIX
-from calibrary.registry.published.layout import (
-    SCHEMA_FOLDER,
-    SCHEMAS,
-    CameraName,
+from calibrary.registry.paths import (
+    CAMERAS,
+    PROPOSALS,
+    ROOT,
+    STATEMENTS,
+    SUFFIX,
+    UNIT,
+    in_use_path,
+    is_entry,
+)
+from calibrary.registry.places import PUBLISHED_FILE
+from calibrary.registry.published.manifest import (
+    DATA,
+    LARGEST_CAMERA,
+    NAMESPACE,
     EarlierRevision,
+    Manifest,
+    Opened,
     PublishedCamera,
     PublishedEntry,
-    PublishedState,
-    Sha256,
-    camera_path,
+    PublishedList,
+    camera_of,
     document_bytes,
-    entry_path,
+    file_of,
+    model_of,
+    opened,
     sha256,
-    units_folder,
+    signed_bytes,
 )
-from calibrary.registry.published.metadata import (
-    TIMESTAMP_FILE,
-    Former,
-    Listed,
-    Signing,
-    former,
-    signers,
-    write_metadata,
-)
-from calibrary.registry.published.output import STATE_FILE, Output, check_out, opened
-from calibrary.registry.registry import Registry
 from calibrary.registry.snapshot import Snapshot
+from calibrary.registry.sshsig import Signer, fingerprint, signed_by
 from calibrary.registry.statements import RULES
 from calibrary.schemas import served
 from calibrary.version import __version__
-from calibrary.workers import mapped
 
-UNSIGNED: Final = Signing()
+USUAL_DAYS: Final = 90
+"""Days until readers refuse a publication that was not renewed."""
+SCHEMA_FOLDER: Final = "schemas"
+SCHEMAS: Final = ("published-3", "published-list-1", "published-camera-2", "entry-1")
+"""Schemas of the published files."""
+STAGING: Final = ".publishing"
+"""Folder with the lock; not part of the publication."""
+OWN_NAMES: Final = frozenset({STAGING, SCHEMA_FOLDER, DATA, PUBLISHED_FILE})
+"""Names that a publication uses at the top of its folder."""
+SITE_MARKER: Final = ".calibrary-site"
+FORMER_FORM: Final = "metadata/1.root.json"
+"""File of publications by The Update Framework, which are not read any more."""
+WAIT_S: Final = 60.0
+CHUNK: Final = 200
+"""Number of cameras that are read at a time."""
 URL: Final = re.compile(r"https?://[^\s\"?#\\]+")
+OURS: Final = re.compile(r"[0-9a-f]{64}\.json")
 
 
 class Publication(Record, tag_field="schema", tag="calibrary/registry-publish-1"):
@@ -72,12 +88,8 @@ class Publication(Record, tag_field="schema", tag="calibrary/registry-publish-1"
         entries: number of entries.
         cameras: number of camera files.
         written, unchanged, removed: numbers of files.
-        signed: whether it is signed with a key of one's own.
+        signed_by: fingerprint of the key that signs; null if none does.
         valid_until: when readers refuse it, unless it was published again.
-        root: version of the root, which says whose keys sign.
-        root_until: when it expires, unless its keys renewed it.
-        root_keys, root_threshold: how many keys it lists for itself, and how many of them have to sign a change.
-        is_new_root: whether it was written now.
     """
 
     registry: str
@@ -88,302 +100,276 @@ class Publication(Record, tag_field="schema", tag="calibrary/registry-publish-1"
     written: int
     unchanged: int
     removed: int
-    signed: bool
+    signed_by: str | None
     valid_until: datetime
-    root: int
-    root_until: datetime
-    root_keys: int
-    root_threshold: int
-    is_new_root: bool
+
+
+class _Output(Struct, kw_only=True):
+    """The output folder: digests of the files that belong into it, and how many of them were written."""
+
+    folder: Path
+    kept: set[str] = field(default_factory=set)
+    written: int = 0
+
+    def put(self, data: bytes) -> str:
+        """Write a file under its digest, unless it is there; return the digest.
+
+        It is written in place: nobody asks for it before a manifest leads to it.
+        """
+        digest = sha256(data)
+        if self.verified(digest) is None:
+            (self.folder / file_of(digest)).write_bytes(data)
+            self.written += 1
+        self.kept.add(digest)
+        return digest
+
+    def verified(self, digest: str) -> bytes | None:
+        """Return the file with a digest; None if there is none, or it is damaged."""
+        try:
+            data = (self.folder / file_of(digest)).read_bytes()
+        except FileNotFoundError:
+            return None
+        return data if sha256(data) == digest else None
+
+    def described(self, digest: str) -> _File | None:
+        """Return what the list says of a camera's file; None if there is none, or it is damaged."""
+        data = self.verified(digest)
+        return _described(digest, data) if data is not None else None
+
+    def remove_stale(self) -> int:
+        """Remove files that no manifest needs any more, and those of an interrupted run; return their number."""
+        files = [file for file in (self.folder / DATA).iterdir() if OURS.fullmatch(file.name)]
+        stale = [file for file in files if file.stem not in self.kept]
+        for file in stale:
+            file.unlink()
+        return len(stale)
+
+
+class _File(Struct, frozen=True, kw_only=True):
+    """A camera's file, and what the list says of it."""
+
+    digest: str
+    entries: int
+    aliases: frozenset[str]
 
 
 def publish(
     snapshot: Snapshot,
     out: Path,
     *,
-    signing: Signing = UNSIGNED,
+    sign: Path | None = None,
+    valid_days: int = USUAL_DAYS,
     base_url: str | None = None,
-    workers: int = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> Publication:
-    """Write the approved, held and retired entries of a state; all but the metadata depends only on the commit.
+    """Write the approved and retired entries of a state; all but the manifest depends only on the commit.
 
-    The timestamp is replaced last, so that a reader finds the complete old state, the complete new one, or in between a
-    digest that does not match; the reader then tries again. If an earlier state exists in the folder, only the entries
-    that differ from it are read.
+    The manifest is replaced last, and only then the files go that it does not need. So a reader finds the old state,
+    the new one, or a file that is gone; then he reads the manifest again.
 
     Args:
         snapshot: state of a registry in git.
-        out: a folder that is new, empty, or an earlier publication; unchanged files are not written.
-        signing: keys, and how long it is valid.
+        out: a folder that is new, empty, or an earlier publication; files of unchanged cameras stay.
+        sign: an ssh key, as ``ssh-keygen -Y sign`` takes it; None to sign with none.
+        valid_days: days until readers refuse it, unless it is published again.
         base_url: URL at which the folder is served; if given, the schemas are also written, with URLs below it as
             their ids.
-        workers: number of processes; 0 for one per processor.
         progress: called with (entries done, number of entries).
 
     Raises:
         InputError: the folder contains other files, or is not writable.
-        RegistryError: an entry cannot be read or must not be published, or the keys are not those of the folder.
+        RegistryError: an entry cannot be read or must not be published, or the key is not that of the folder.
     """
-    by = signers(signing)
     repo, commit = snapshot.require_git("has no commit that could be published")
     check_out(out)
     if base_url is not None and not URL.fullmatch(base_url):
         raise InputError("expected where the files are served, as https://HOST/PATH/", source=base_url)
-    when = history(repo, None, commit, most=1)[0].committed.astimezone(UTC)
-    with opened(out) as output:
-        before = former(out)
-        content = _content(snapshot, repo, commit, output, before, workers=workers, progress=progress)
-        state = PublishedState(
-            commit=commit, date=when, entries=content.entries, cameras=len(content.cameras)
-        )
-        made = write_metadata(content.cameras, state, output, by, before, valid_days=signing.valid_days)
-        if base_url is not None:
-            for name, text in served(f"{base_url.rstrip('/')}/{SCHEMA_FOLDER}/", SCHEMAS).items():
-                output.put(f"{SCHEMA_FOLDER}/{name}", text, in_place=False)
-        output.publish_staged()
-        output.put(TIMESTAMP_FILE, made.stamp)
+    signer = Signer(str(sign)) if sign is not None else None
+    key = fingerprint(signed_by(b"", signer.sign(b"", NAMESPACE), NAMESPACE)) if signer is not None else None
+    with _locked(out):
+        output, before = _Output(folder=out), _former(out, key)
+        cameras = _cameras(snapshot, output, before if before and before.key == key else None, progress)
+        manifest = _manifest(repo, commit, output.put(document_bytes(_list_of(cameras))), before, valid_days)
+        is_kept = before is not None and before.key == key and _lasts(before.manifest, manifest, valid_days)
+        if before is not None and is_kept:
+            manifest = before.manifest
+        schemas = served(f"{base_url.rstrip('/')}/{SCHEMA_FOLDER}/", SCHEMAS) if base_url is not None else {}
+        write_files({out / SCHEMA_FOLDER / name: text for name, text in schemas.items()})
+        if not is_kept:
+            if hasattr(os, "sync"):
+                os.sync()
+            sign_it = (lambda data: signer.sign(data, NAMESPACE)) if signer is not None else None
+            write_files({out / PUBLISHED_FILE: signed_bytes(manifest, sign_it)})
+            output.written += 1
         removed = output.remove_stale()
-        save_state(output, made.stamp, repo)
     return Publication(
         registry=str(snapshot.place),
         commit=commit,
         out=str(out),
-        entries=content.entries,
-        cameras=len(content.cameras),
+        entries=sum(one.entries for one in cameras.values()),
+        cameras=len(cameras),
         written=output.written,
-        unchanged=len(output.kept) - output.written,
+        unchanged=len(output.kept) + 1 - output.written,
         removed=removed,
-        signed=not by.is_public,
-        valid_until=made.until,
-        root=made.root.version,
-        root_until=made.root.expires,
-        root_keys=len(made.root.roles["root"].keyids),
-        root_threshold=made.root.roles["root"].threshold,
-        is_new_root=made.is_new_root,
+        signed_by=key,
+        valid_until=manifest.until,
     )
 
 
-class _Content(Struct, frozen=True, kw_only=True):
-    """Published content: the number of entries, and every camera file."""
+def _former(out: Path, key: str | None) -> Opened | None:
+    """Return the manifest in a folder; None if there is none, or it is damaged.
 
-    entries: int
-    cameras: Listed
-
-
-def _content(
-    snapshot: Snapshot,
-    repo: Repository,
-    commit: str,
-    output: Output,
-    before: Former,
-    *,
-    workers: int,
-    progress: Callable[[int, int], None] | None,
-) -> _Content:
-    """Write the files of entries and cameras, unless they exist."""
-    listed = sorted(snapshot.paths)
-    existing, changed_entries = _difference(repo, commit, output, before)
-    read = [path for path in listed if existing is None or path in changed_entries]
-    done = len(listed) - len(read)
-
-    def count(more: int) -> None:
-        nonlocal done
-        done += more
-        if progress is not None:
-            progress(done, len(listed))
-
-    rows = written_rows(repo, commit, read, output, workers=workers, progress=count)
-    if existing is None:
-        return _Content(entries=len(rows), cameras=_write_cameras(_cameras(rows), output))
-    return _updated(existing, changed_entries, rows, output)
-
-
-def _difference(
-    repo: Repository, commit: str, output: Output, before: Former
-) -> tuple[ExistingPublication | None, frozenset[str]]:
-    """Return the existing publication, if it can be updated, and the entries that differ in a commit."""
-    existing = existing_publication(output.root, repo, before)
+    Raises:
+        RegistryError: another key signed it.
+    """
     try:
-        return existing, frozenset(
-            existing.changed_entries(repo, commit)
-        ) if existing is not None else frozenset()
-    except RegistryError:
-        # A part of the earlier commit is missing here.
-        return None, frozenset()
-
-
-def _updated(
-    existing: ExistingPublication, changed_entries: Set[str], rows: Sequence[Row], output: Output
-) -> _Content:
-    """Update an existing publication; ``rows`` are the new ones of the entries that were changed or added."""
-    output.known.update(existing.digests)
-    kept = existing.entries.keys() - changed_entries
-    output.kept.update(file for path in kept for file in existing.entries[path].files)
-    differing = {camera for row in (*existing.rows(changed_entries), *rows) for camera in row.cameras}
-    unchanged_rows = existing.rows(existing.entries_behind(differing) & kept)
-    found = _cameras(sorted([*rows, *unchanged_rows], key=lambda one: one.row.path))
-    same = {path: digest for path, digest in existing.cameras.items() if path not in differing}
-    output.kept.update(same)
-    written = _write_cameras({path: found[path] for path in differing & found.keys()}, output)
-    return _Content(entries=len(kept) + len(rows), cameras=same | written)
-
-
-def _cameras(rows: Sequence[Row]) -> dict[str, PublishedCamera]:
-    """Return the camera files by path: each with its entries, and the cameras for which it is an alias."""
-    keys: dict[str, CameraKey] = {}
-    entries: dict[str, list[PublishedEntry]] = defaultdict(list)
-    aliases: dict[str, dict[tuple[str, str], CameraName]] = defaultdict(dict)
-    for one in rows:
-        path = camera_path(one.key)
-        keys.setdefault(path, one.key)
-        entries[path].append(one.row)
-        own = CameraName(make=one.key.make or "", model=one.key.model or "")
-        for name in one.names:
-            keys.setdefault(name.path, CameraKey(make=name.make, model=name.model))
-            aliases[name.path].setdefault((match_key(own.make), match_key(own.model)), own)
-    return {
-        path: PublishedCamera(
-            make=keys[path].make or "",
-            model=keys[path].model or "",
-            serial=keys[path].serial,
-            entries=tuple(sorted(entries[path], key=lambda row: row.path)),
-            aliases=tuple(name for _, name in sorted(aliases[path].items())),
+        found = opened((out / PUBLISHED_FILE).read_bytes(), str(out))
+    except (FileNotFoundError, RegistryError):
+        return None
+    if found.key not in {None, key}:
+        raise RegistryError(
+            f"{out}: was signed by {found.key}, and its readers accept nothing else: name that key, or remove "
+            f"{out / PUBLISHED_FILE}, and every reader has to confirm the change"
         )
-        for path in sorted(keys)
-    }
-
-
-def _write_cameras(cameras: Mapping[str, PublishedCamera], output: Output) -> dict[str, TargetFile]:
-    """Write camera files; return the length and digest of each by path."""
-    found = {}
-    for path, camera in cameras.items():
-        data = document_bytes(camera)
-        found[path] = TargetFile(len(data), {"sha256": output.put(path, data, in_place=False)}, path)
     return found
 
 
-CHUNK: Final = 500
-WORTH_A_POOL: Final = 2000
-"""Number of entries above which starting worker processes pays."""
-
-
-class Row(Struct, frozen=True, kw_only=True):
-    """The contribution of an entry to the camera files.
-
-    Attributes:
-        key: key of the file that contains it: make, model and, if it is of a unit, the unit.
-        names: other names of the camera.
-        row: the entry in that file.
-        files: paths of its files, written or existing.
-        written: number of files that were written.
-    """
-
-    key: CameraKey
-    names: tuple[CameraName, ...]
-    row: PublishedEntry
-    files: tuple[str, ...] = ()
-    written: int = 0
-
-    @property
-    def cameras(self) -> frozenset[str]:
-        """Paths of the camera files that depend on it."""
-        return frozenset({camera_path(self.key), *(name.path for name in self.names)})
-
-
-def names_of(entry: Entry) -> tuple[CameraKey, tuple[CameraName, ...]]:
-    """Return the key of the file that contains an entry, and the other names of its camera."""
-    camera = entry.calibration.camera
-    return (
-        CameraKey(make=camera.make, model=camera.model, serial=camera.serial),
-        tuple(CameraName(make=alias.make, model=alias.model) for alias in entry.aliases),
+def _manifest(
+    repo: Repository, commit: str, cameras: str, before: Opened | None, valid_days: int
+) -> Manifest:
+    now = datetime.now(UTC).replace(microsecond=0)
+    return Manifest(
+        version=max(int(now.timestamp()), before.manifest.version + 1 if before is not None else 0),
+        until=now + timedelta(days=valid_days),
+        commit=commit,
+        date=history(repo, None, commit, most=1)[0].committed.astimezone(UTC),
+        writer=_writer(repo),
+        cameras=cameras,
     )
 
 
-_Listed = Sequence[str]
+def _writer(repo: Repository) -> str:
+    cut = ", from a shallow clone" if repo.is_shallow else ""
+    return f"calibrary {__version__}, Unicode {unicodedata.unidata_version}{cut}"
 
 
-def written_rows(
-    repo: Repository,
-    commit: str,
-    listed: _Listed,
-    output: Output,
+def _lasts(before: Manifest, made: Manifest, valid_days: int) -> bool:
+    """Whether a former manifest says the same as a new one, and is valid neither too shortly nor too long."""
+    is_same = replace(before, version=made.version, until=made.until) == made
+    return is_same and timedelta() <= made.until - before.until <= timedelta(days=valid_days / 2)
+
+
+def _list_of(cameras: Mapping[str, _File]) -> PublishedList:
+    aliases: dict[str, set[str]] = defaultdict(set)
+    for name, file in cameras.items():
+        for alias in file.aliases:
+            aliases[alias].add(name.partition(f"/{UNIT}")[0])
+    return PublishedList(
+        cameras={name: file.digest for name, file in sorted(cameras.items())},
+        aliases={alias: tuple(sorted(those)) for alias, those in sorted(aliases.items())},
+    )
+
+
+def _cameras(
+    snapshot: Snapshot,
+    output: _Output,
+    before: Opened | None,
+    progress: Callable[[int, int], None] | None,
+) -> dict[str, _File]:
+    """Return the file of every camera that has published entries, by name; those that changed are written."""
+    listed = sorted(snapshot.paths)
+    names = {path: camera_of(path) for path in listed}
+    former, changed = _changed(snapshot, output, before)
+    if changed is None:
+        found, changed = {}, {*names.values()}
+    else:
+        found = {name: output.described(digest) for name, digest in former.items()}
+        changed |= {name for name, file in found.items() if file is None}
+    paths: dict[str, list[str]] = {name: [] for name in changed}
+    for path, name in names.items():
+        if name in paths:
+            paths[name].append(path)
+    kept = {name: file for name, file in found.items() if file is not None and name not in paths}
+    output.kept |= {file.digest for file in kept.values()}
+    return kept | dict(_written(snapshot, paths, output, progress, total=len(listed)))
+
+
+def _written(
+    snapshot: Snapshot,
+    paths: Mapping[str, Sequence[str]],
+    output: _Output,
+    progress: Callable[[int, int], None] | None,
     *,
-    workers: int,
-    progress: Callable[[int], None],
-) -> list[Row]:
-    """Write the files of entries, without drafts, and of earlier revisions that apply to other days; return the rows.
+    total: int,
+) -> Iterator[tuple[str, _File]]:
+    """Write the files of cameras, given the paths of their entries; yield those that have any but drafts."""
+    done, due = total - sum(map(len, paths.values())), [*paths]
+    for start in range(0, len(due), CHUNK):
+        some = due[start : start + CHUNK]
+        read = snapshot.stored([path for name in some for path in paths[name]])
+        entries = {one.path: one.entry for one in read if one.entry.status is not Status.DRAFT}
+        for name in some:
+            rows = [_published(path, entries[path], snapshot) for path in paths[name] if path in entries]
+            data = document_bytes(PublishedCamera(entries=tuple(rows)))
+            if len(data) > LARGEST_CAMERA:
+                raise RegistryError(f"{name}: is {len(data)} bytes, and readers accept {LARGEST_CAMERA}")
+            if rows:
+                yield name, _described(output.put(data), data)
+        done += len(read)
+        if progress is not None:
+            progress(done, total)
 
-    Args:
-        repo: repository of the registry.
-        commit: commit to publish.
-        listed: paths of the entries.
-        output: output folder.
-        workers: number of processes; 0 for one per processor.
-        progress: called with the number of entries done since the last call.
 
-    Raises:
-        InputError: a process was killed from outside.
-        RegistryError: an entry cannot be read or must not be published.
+def _changed(
+    snapshot: Snapshot, output: _Output, before: Opened | None
+) -> tuple[Mapping[str, str], set[str] | None]:
+    """Return the list of a former publication, and the names of the cameras that changed since; None for all."""
+    repo, commit = snapshot.require_git("is needed")
+    if before is None or before.manifest.writer != _writer(repo) or repo.is_shallow:
+        return {}, None
+    data = output.verified(before.manifest.cameras)
+    if data is None or not repo.holds(before.manifest.commit):
+        return {}, None
+    changed = _changed_paths(repo, before.manifest.commit, commit)
+    names = None if changed is None else {camera_of(path) for path in changed}
+    return msgspec.json.decode(data, type=PublishedList).cameras, names
+
+
+def _changed_paths(repo: Repository, before: str, commit: str) -> set[str] | None:
+    """Return the paths of entries that commits since a former one touched; None if that does not tell what changed.
+
+    What is published of an entry depends on its file, the statements on it and their history, and on the rules.
     """
-    chunks = [listed[start : start + CHUNK] for start in range(0, len(listed), CHUNK)]
-    work = partial(_write_chunk, place=repo.path, commit=commit, out=output.root)
-    rows: list[Row] = []
-    count = 1 if len(listed) < WORTH_A_POOL else workers or os.cpu_count() or 1
-    made = mapped(work, chunks, count, preload=[__name__], does="writes entries")
-    for chunk, some in zip(chunks, made, strict=True):
-        rows += some
-        progress(len(chunk))
-    for one in rows:
-        output.kept.update(one.files)
-        output.written += one.written
-    return rows
+    if repo.run("rev-list", "--max-count=1", before, f"^{commit}").out.strip():
+        return None
+    log = ("log", "-m", "-z", "--format=", "--name-only", "--no-renames", commit, f"^{before}", "--")
+    found = set[str]()
+    printed = repo.run(*log, CAMERAS, PROPOSALS, STATEMENTS).out.decode("utf-8", "replace")
+    for path in filter(None, printed.split("\0")):
+        if path.startswith(f"{STATEMENTS}{RULES}/"):
+            return None
+        subject = path.removeprefix(STATEMENTS).rpartition("/")[0]
+        found.add(f"{subject}{SUFFIX}" if path.startswith(STATEMENTS) else in_use_path(path))
+    return {path for path in found if path.startswith(ROOT) and is_entry(path)}
 
 
-@cache
-def _snapshot(place: Path, commit: str) -> Snapshot:
-    """Return the state to publish, opened once per process."""
-    return Registry.open(place).snapshot(commit)
+class _Names(Struct):
+    aliases: tuple[Alias, ...] = ()
 
 
-def _write_chunk(chunk: _Listed, *, place: Path, commit: str, out: Path) -> list[Row]:
-    snapshot = _snapshot(place, commit)
-    return [
-        _write_entry(one.path, one.entry, snapshot, out)
-        for one in snapshot.stored(chunk)
-        if one.entry.status is not Status.DRAFT
-    ]
+def _described(digest: str, data: bytes) -> _File:
+    entries = msgspec.json.decode(data, type=PublishedCamera).entries
+    names = [one for row in entries for one in msgspec.json.decode(row.entry, type=_Names).aliases]
+    aliases = frozenset(model_of(one.make, one.model) for one in names)
+    return _File(digest=digest, entries=len(entries), aliases=aliases)
 
 
-def _write_entry(path: str, entry: Entry, snapshot: Snapshot, out: Path) -> Row:
-    _require_publishable(path, entry)
-    output = Output(root=out)
-    earlier = [
-        EarlierRevision(commit=at, validity=one.validity, sha256=_put_entry(one, output))
-        for at, one in _earlier(entry, snapshot.earlier(path))
-    ]
-    key, names = names_of(entry)
-    return Row(
-        key=key,
-        names=names,
-        row=PublishedEntry.of(entry, path, _put_entry(entry, output), earlier),
-        files=tuple(output.kept),
-        written=output.written,
-    )
-
-
-def _put_entry(entry: Entry, output: Output) -> str:
-    # The label and tags of a unit are internal to the team.
-    is_told = entry.label is None and not entry.tags
-    data = document_bytes(to_json(entry if is_told else replace(entry, label=None, tags=())))
-    return output.put(entry_path(sha256(data)), data)
-
-
-def _require_publishable(path: str, entry: Entry) -> None:
-    """Check that readers can find an entry, and that its serial number is hashed.
+def _published(path: str, entry: Entry, snapshot: Snapshot) -> PublishedEntry:
+    """Return the published form of an entry.
 
     Raises:
-        RegistryError: the entry is of another camera than its path, or its serial number is not hashed.
+        RegistryError: it is of another camera than its path, so that no reader finds it, or its serial number is not
+            hashed.
     """
     if entry.path != path:
         raise RegistryError(
@@ -394,6 +380,16 @@ def _require_publishable(path: str, entry: Entry) -> None:
         raise RegistryError(
             f"{path}: its serial number is not hashed, so it is not published; 'calibrary registry add FILE' hashes it"
         )
+    earlier = tuple(
+        EarlierRevision(commit=commit, entry=_public(one))
+        for commit, one in _earlier(entry, snapshot.earlier(path))
+    )
+    return PublishedEntry(path=path, entry=_public(entry), earlier=earlier)
+
+
+def _public(entry: Entry) -> msgspec.Raw:
+    """Return an entry without what is internal to the team."""
+    return msgspec.Raw(encoded(replace(entry, label=None, tags=()), indent=0))
 
 
 def _earlier(entry: Entry, revisions: Iterable[tuple[str, Entry]]) -> Iterator[tuple[str, Entry]]:
@@ -411,212 +407,47 @@ def _days(validity: Validity | None) -> tuple[date | None, date | None]:
     return (validity.first, validity.last) if validity is not None else (None, None)
 
 
-MOST_COMMITS: Final = 1000
-"""Longest range of commits that is examined; for a longer one, all entries with a validity are read again."""
-PARENT: Final = b"parent "
+def check_out(out: Path) -> None:
+    """Check that a folder can be used for a publication.
 
-
-class _State(Record, tag_field="schema", tag="calibrary/publishing-1"):
-    """State stored for the next run.
-
-    Attributes:
-        writer: versions of calibrary and of the Unicode tables, which determine the content of every file.
-        timestamp: SHA-256 of the timestamp's file.
+    Raises:
+        InputError: it contains other files, or is not writable.
     """
-
-    writer: str
-    timestamp: Sha256
-
-
-class _PublishedEntry(Struct, frozen=True, kw_only=True):
-    """A published entry.
-
-    Attributes:
-        camera: path of the camera file that contains it.
-        files: paths of the entry, then of its earlier revisions.
-        is_dated: whether it has a validity, so that its history matters.
-    """
-
-    camera: str
-    files: tuple[str, ...]
-    is_dated: bool
-
-
-class ExistingPublication(Struct, frozen=True, kw_only=True):
-    """An existing publication with all files verified.
-
-    Attributes:
-        out: folder of the publication.
-        commit: commit of the registry.
-        digests: digests of its camera and entry files by path.
-        cameras: the camera files.
-        entries: entries by their path in the registry.
-    """
-
-    out: Path
-    commit: str
-    digests: Mapping[str, str]
-    cameras: Listed
-    entries: Mapping[str, _PublishedEntry]
-
-    def changed_entries(self, repo: Repository, commit: str) -> set[str]:
-        """Return the paths of entries whose published form may differ at a commit.
-
-        The published form of an entry depends on its content and, if it has a validity, on its history.
-
-        Raises:
-            RegistryError: the repository lacks a part of either commit.
-        """
-        differing = {file.path for file in changed(repo, self.commit, commit, CAMERAS)}
-        for file in changed(repo, self.commit, commit, STATEMENTS):
-            subject = file.path.removeprefix(STATEMENTS).rpartition("/")[0]
-            if subject == RULES:
-                raise RegistryError("the rules have changed, and with them any entry may have")
-            differing.add(f"{subject}{SUFFIX}")
-        dated = {path for path, one in self.entries.items() if one.is_dated}
-        if not dated <= differing:
-            touched = _paths_changed_in(repo, self.commit, commit)
-            differing |= dated if touched is None else dated & touched
-        return differing
-
-    def rows(self, paths: Set[str]) -> Iterator[Row]:
-        """Yield the rows of some entries in the camera files."""
-        for path in sorted(paths & self.entries.keys()):
-            listed = self.entries[path]
-            key, names = names_of(parse_entry((self.out / listed.files[0]).read_bytes(), path))
-            [row] = (row for row in self._camera(listed.camera).entries if row.path == path)
-            yield Row(key=key, names=names, row=row, files=listed.files)
-
-    def entries_behind(self, cameras: Set[str]) -> set[str]:
-        """Return the paths of all entries that camera files depend on, and possibly some others."""
-        wanted = set(cameras)
-        for path in cameras & self.cameras.keys():
-            wanted |= {name.path for name in self._camera(path).aliases}
-        units = tuple(folder for path in wanted if (folder := units_folder(path)) is not None)
-        return {
-            path
-            for path, one in self.entries.items()
-            if one.camera in wanted or (units and one.camera.startswith(units))
-        }
-
-    def _camera(self, path: str) -> PublishedCamera:
-        data = (self.out / path).read_bytes()
-        return from_json(PublishedCamera, msgspec.json.decode(data), source=path)
-
-
-def existing_publication(out: Path, repo: Repository, before: Former) -> ExistingPublication | None:
-    """Return the publication in a folder; None if it is damaged, or this version might write it differently."""
-    try:
-        stored, state = _state(out), before.state
-        if (
-            state is None
-            or stored is None
-            or (stored.writer, stored.timestamp) != (_writer(), sha256(before.stamp))
-            or repo.is_shallow
-            or not repo.holds(state.commit)
-        ):
-            return None
-        files, reading = before.files, _Verification(out)
-        for path, file in files.items():
-            reading.camera(path, file.hashes["sha256"])
-    except (OSError, InputError, RegistryError, msgspec.MsgspecError):
-        return None
-    return ExistingPublication(
-        out=out, commit=state.commit, digests=reading.digests, cameras=files, entries=reading.entries
-    )
-
-
-def save_state(output: Output, stamp: bytes, repo: Repository) -> None:
-    """Store the state for the next run; not for a shallow clone, whose history is incomplete."""
-    place = output.root / STATE_FILE
-    if repo.is_shallow:
-        place.unlink(missing_ok=True)
+    check_folder(out)
+    if not out.exists():
         return
-    temporary = place.with_name("state-new")
-    temporary.write_bytes(document_bytes(_State(writer=_writer(), timestamp=sha256(stamp))))
-    temporary.replace(place)
-
-
-def _state(out: Path) -> _State | None:
+    if not out.is_dir():
+        raise InputError("is a file, expected a folder for the published files", source=str(out))
     try:
-        return from_json(_State, msgspec.json.decode((out / STATE_FILE).read_bytes()), source=STATE_FILE)
-    except FileNotFoundError:
-        return None
+        found = {item.name for item in out.iterdir()}
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}", source=str(out)) from None
+    if (out / FORMER_FORM).exists():
+        raise InputError(
+            "was published in an earlier form (metadata/, models/, units/, entries/), which nothing reads any more; "
+            "empty it, or name another folder",
+            source=str(out),
+        )
+    # An interrupted first run leaves everything except the manifest; a site may be in the same folder.
+    if found and not found & {PUBLISHED_FILE, STAGING, SITE_MARKER}:
+        raise InputError(
+            f"is not a published registry (it has no {PUBLISHED_FILE}) and is not empty; name another folder",
+            source=str(out),
+        )
 
 
-def _writer() -> str:
-    return f"calibrary {__version__}, Unicode {unicodedata.unidata_version}"
+@contextmanager
+def _locked(out: Path) -> Iterator[None]:
+    """Hold the folder against other runs.
 
-
-class _Digest(msgspec.Struct):
-    sha256: str
-
-
-class _Row(msgspec.Struct):
-    path: str
-    sha256: str
-    validity: dict[str, str | None] | None
-    earlier: list[_Digest]
-
-
-class _Camera(msgspec.Struct):
-    """The members of a camera file needed here; decoding them takes a tenth of the time of the whole record."""
-
-    entries: list[_Row]
-
-
-_CAMERA: Final = msgspec.json.Decoder(_Camera)
-
-
-class _Verification(Struct, frozen=True):
-    """Verifies camera files, and the entries that they list.
-
-    Attributes:
-        out: the folder.
-        digests, entries: as in :class:`ExistingPublication`.
+    Raises:
+        InputError: the folder is not writable.
+        RegistryError: another run is using it.
     """
-
-    out: Path
-    digests: dict[str, str] = field(default_factory=dict)
-    entries: dict[str, _PublishedEntry] = field(default_factory=dict)
-
-    def camera(self, path: str, digest: str) -> None:
-        """Verify a camera file and its entries.
-
-        Raises:
-            InputError: a file has another digest.
-            OSError: a file does not exist.
-        """
-        for row in _CAMERA.decode(self._verified(path, digest)).entries:
-            of = [row.sha256, *(one.sha256 for one in row.earlier)]
-            files = tuple(entry_path(one) for one in of)
-            for file, one in zip(files, of, strict=True):
-                if file not in self.digests:
-                    self._verified(file, one)
-            self.entries[row.path] = _PublishedEntry(
-                camera=path, files=files, is_dated=row.validity is not None
-            )
-
-    def _verified(self, path: str, digest: str) -> bytes:
-        with open(os.path.join(self.out, path), "rb", buffering=0) as file:  # noqa: PTH118, PTH123  a third of the time
-            data = file.read()
-        if sha256(data) != digest:
-            raise InputError("has another digest than expected", source=path)
-        self.digests[path] = digest
-        return data
-
-
-def _paths_changed_in(repo: Repository, start: str, end: str) -> set[str] | None:
-    """Return the paths changed by any commit of a range; None if it is not linear, or too long."""
-    touched, commit = set[str](), end
-    for _ in range(MOST_COMMITS):
-        if commit == start:
-            return touched
-        [data] = repo.objects([commit], b"commit")
-        lines = data.partition(b"\n\n")[0].splitlines()
-        parents = [line.removeprefix(PARENT).decode() for line in lines if line.startswith(PARENT)]
-        if len(parents) != 1:
-            return None
-        touched |= {file.path for file in changed(repo, parents[0], commit, CAMERAS)}
-        [commit] = parents
-    return None
+    try:
+        for name in (STAGING, DATA):
+            (out / name).mkdir(parents=True, exist_ok=True)
+        with writer_lock(out / STAGING, wait_s=WAIT_S):
+            yield
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror or error}", source=str(out)) from None

@@ -46,16 +46,12 @@ LIBRARIES = {
     "pyproj": Library(name="pyproj", extras=("sfm",), floor=(3, 6)),
     "rosbags": Library(name="rosbags", extras=("recordings",)),
     "threadpoolctl": Library(name="threadpoolctl", extras=("calibrate",)),
-    "cryptography": Library(name="cryptography", extras=("published",)),
-    "tuf": Library(name="python-tuf", extras=("published",), floor=(6, 0)),
-    "urllib3": Library(name="urllib3", extras=("published",)),
 }
 """Libraries by the name under which they are imported."""
 
 CALIBRATE = ("cv2", "PIL")
 DESK = ("starlette", "uvicorn", "python_multipart", "jinja2", "matplotlib")
 PAGES = ("jinja2", "matplotlib")
-PUBLISHED = ("tuf", "cryptography", "urllib3")
 SFM = ("pycolmap",)
 SURVEY = ("pyproj",)
 TABLES = ("pyarrow",)

@@ -163,7 +163,7 @@ class _Builder:
         """Schema of a string, number, boolean, null, date, enumeration, or any value."""
         if isinstance(type_, inspect.LiteralType):
             return {"enum": list(type_.values)}
-        if isinstance(type_, inspect.AnyType):
+        if isinstance(type_, inspect.AnyType | inspect.RawType):
             return {}
         if isinstance(type_, inspect.DateTimeType):
             return {"type": "string", "format": "date-time"}

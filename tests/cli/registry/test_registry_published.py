@@ -153,7 +153,7 @@ class TestExtract:
         self, public: Server, flight: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         assert extract(flight, capsys, "--registry", public.url)[0] == 0
-        (public.folder / "metadata/timestamp.json").write_text("<html>log in</html>")
+        (public.folder / "calibrary-manifest.json").write_text("<html>log in</html>")
         code, report, _ = extract(flight, capsys, "--registry", public.url)
         assert code == 0
         assert any("the copy in the cache of" in warning for warning in report["warnings"])

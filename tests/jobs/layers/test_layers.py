@@ -15,12 +15,11 @@ from calibrary.jobs.layers import LayerKind, Layers, distinctive_words, open_lay
 from calibrary.known_camera import match_key
 from calibrary.records import replace
 from calibrary.registry.entry import Status, Validity
+from calibrary.registry.places import PUBLISHED_FILE
 from tests.registry.entries import an_entry
 from tests.registry.git.repositories import nobodys_git
 from tests.registry.published.publications import commit, published
 from tests.registry.published.server import Server, serving
-
-STAMP = "metadata/timestamp.json"
 
 __all__ = ["nobodys_git"]
 
@@ -120,25 +119,25 @@ class TestUnreachable:
     def test_a_lower_layer_that_cannot_be_read_is_mentioned_once_and_not_tried_again(
         self, company: Path, public: Server
     ) -> None:
-        (public.folder / STAMP).unlink()
+        (public.folder / PUBLISHED_FILE).unlink()
         layers = open_layers([company, public.url])
         for _ in range(3):
             found = layers.resolve(P4R)
             assert found is not None
             assert "could not be compared: " in found.disagreements[0]
-        assert STAMP in public.paths
+        assert PUBLISHED_FILE in public.paths
 
     def test_a_higher_layer_that_cannot_be_read_is_an_error(self, company: Path, public: Server) -> None:
-        (public.folder / STAMP).unlink()
+        (public.folder / PUBLISHED_FILE).unlink()
         with pytest.raises(RegistryError, match="the server answers 404"):
             open_layers([public.url, company]).resolve(P4R)
 
     def test_one_that_answers_from_the_cache_says_how_old_it_is(self, public: Server) -> None:
         assert fx(open_layers([public.url])) == 3660.0
-        (public.folder / STAMP).write_text("<html>")
+        (public.folder / PUBLISHED_FILE).write_text("<html>")
         layers = open_layers([public.url])
         assert fx(layers) == 3660.0
-        assert "less than two minutes old, is used" in layers.warnings[0]
+        assert "the copy in the cache of" in layers.warnings[0]
 
     def test_a_folder_that_is_none_is_an_error_before_anything_is_asked(self, company: Path) -> None:
         with pytest.raises(RegistryError, match="no such folder"):

@@ -16,7 +16,7 @@ from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.git.repository import create
 from calibrary.registry.git.writing import Change, write
-from calibrary.registry.published.metadata import Signing
+from calibrary.registry.places import PUBLISHED_FILE
 from calibrary.registry.published.write import Publication, publish
 from calibrary.registry.registry import open_snapshot
 from tests.registry.entries import an_entry
@@ -26,12 +26,15 @@ __all__ = [
     "FLEET",
     "UNIT",
     "UNSTATED",
+    "camera",
     "commit",
     "document",
     "files_of",
-    "metadata",
+    "listed",
+    "manifest",
     "nobodys_git",
     "published",
+    "rows_of",
 ]
 
 UNIT = hash_serial("DJI", "0V2LG3H0")
@@ -80,18 +83,9 @@ def dated(folder: Path) -> None:
         commit(folder, an_entry(model="DATED", fx=fx, validity=validity))
 
 
-def published(
-    folder: Path,
-    out: Path,
-    key: Path | None = None,
-    *roots: Path,
-    threshold: int | None = None,
-    valid_days: int = 90,
-    only: bool = False,
-) -> Publication:
+def published(folder: Path, out: Path, key: Path | None = None, *, valid_days: int = 90) -> Publication:
     """The registry in a folder, published as it is."""
-    how = Signing(key=key, root_keys=roots, threshold=threshold, valid_days=valid_days, root_only=only)
-    return publish(open_snapshot(folder), out, signing=how, workers=1)
+    return publish(open_snapshot(folder), out, sign=key, valid_days=valid_days)
 
 
 def document(out: Path, path: str) -> Any:
@@ -99,13 +93,27 @@ def document(out: Path, path: str) -> Any:
     return json.loads((out / path).read_bytes())
 
 
-def metadata(out: Path, role: str) -> Path:
-    """The newest file of a role."""
-    files = (out / "metadata").glob(f"*{role}.json")
-    return max(files, key=lambda file: int(file.name.partition(".")[0]) if file.name[0].isdecimal() else 0)
+def manifest(out: Path) -> Any:
+    """What is signed."""
+    return document(out, PUBLISHED_FILE)["manifest"]
+
+
+def listed(out: Path) -> Any:
+    """The list of cameras."""
+    return document(out, f"data/{manifest(out)['cameras']}.json")
+
+
+def camera(out: Path, name: str) -> Path:
+    """The file of a camera, by its name in the list."""
+    return out / f"data/{listed(out)['cameras'][name]}.json"
+
+
+def rows_of(out: Path, name: str) -> Any:
+    """The entries of a camera."""
+    return json.loads(camera(out, name).read_bytes())["entries"]
 
 
 def files_of(out: Path) -> dict[str, bytes]:
-    """Every file that is given out but for the metadata, by path."""
+    """Every file that is given out but for the manifest, by path."""
     found = {path.relative_to(out).as_posix(): path.read_bytes() for path in out.rglob("*") if path.is_file()}
-    return {path: data for path, data in found.items() if not path.startswith((".", "metadata/"))}
+    return {path: data for path, data in found.items() if path != PUBLISHED_FILE and path[0] != "."}

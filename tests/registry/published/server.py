@@ -36,8 +36,6 @@ class Server:
         asked: every path that was asked for, with the status of the answer.
         faults: by path, what is answered in its place: once for each item.
         before: called with each path before it is answered.
-        connections: how many were opened.
-        most: questions that are answered on one connection, which the server then closes without a word.
     """
 
     folder: Path
@@ -45,8 +43,6 @@ class Server:
     asked: list[tuple[str, int]] = field(default_factory=list)
     faults: dict[str, list[Answer]] = field(default_factory=dict)
     before: Callable[[str], None] = lambda _: None
-    connections: int = 0
-    most: int = 1
 
     @property
     def paths(self) -> list[str]:
@@ -69,22 +65,12 @@ class Server:
 
 
 @contextmanager
-def serving(folder: Path, *, most: int = 1) -> Iterator[Server]:
+def serving(folder: Path) -> Iterator[Server]:
     """The folder on the web, for as long as it takes."""
-    server = Server(folder, most=most)
+    server = Server(folder)
 
     class Handler(http.server.BaseHTTPRequestHandler):
-        protocol_version = "HTTP/1.1" if most > 1 else "HTTP/1.0"
-        disable_nagle_algorithm = True
-
-        def setup(self) -> None:
-            super().setup()
-            server.connections += 1
-            self.left = server.most
-
         def do_GET(self) -> None:
-            self.left -= 1
-            self.close_connection = self.left <= 0
             path = self.path.removeprefix(server.url).lstrip("/")
             answer = server.answer(path, self.headers.get("If-None-Match"))
             server.asked.append((path, answer.status))

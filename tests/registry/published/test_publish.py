@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from datetime import date
 from pathlib import Path
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from calibrary.calibration import CameraKey
 from calibrary.errors import CalibraryError, InputError, RegistryError
-from calibrary.known_camera import match_key
 from calibrary.records import replace
 from calibrary.registry.entry import Status, Validity
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry
-from calibrary.registry.published.layout import camera_path, is_ours, sha256
-from calibrary.registry.published.metadata import STATE_FIELD, TIMESTAMP_FILE, former
+from calibrary.registry.paths import folder_of
+from calibrary.registry.places import PUBLISHED_FILE
+from calibrary.registry.published.manifest import sha256
 from calibrary.registry.published.write import _earlier, publish
 from calibrary.registry.registry import open_snapshot
 from calibrary.schemas import require
@@ -25,13 +23,16 @@ from tests.registry.entries import an_entry
 from tests.registry.published.publications import (
     FLEET,
     UNIT,
+    camera,
     commit,
     dated,
     document,
     files_of,
-    metadata,
+    listed,
+    manifest,
     nobodys_git,
     published,
+    rows_of,
 )
 
 __all__ = ["nobodys_git"]
@@ -44,49 +45,35 @@ def fleet(tmp_path: Path) -> Path:
     return folder
 
 
-def digests(out: Path) -> dict[str, str]:
-    """The digest of every file that the metadata vouch for, by its path."""
-    found = {path: file.hashes["sha256"] for path, file in former(out).files.items()}
-    for camera in tuple(found):
-        for row in document(out, camera)["entries"]:
-            for one in (row, *row["earlier"]):
-                found[f"entries/{one['sha256'][:2]}/{one['sha256']}.json"] = one["sha256"]
-    return found
-
-
-def test_every_file_is_vouched_for_and_there_are_no_others(fleet: Path, tmp_path: Path) -> None:
-    published(fleet, tmp_path / "out")
-    files = files_of(tmp_path / "out")
-    assert digests(tmp_path / "out") == {path: sha256(data) for path, data in files.items()}
+def test_the_manifest_leads_to_every_file_and_there_are_no_others(fleet: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    published(fleet, out)
+    named = {manifest(out)["cameras"], *listed(out)["cameras"].values()}
+    assert {path: sha256(data) for path, data in files_of(out).items()} == {
+        f"data/{one}.json": one for one in named
+    }
 
 
 def test_every_file_is_of_its_schema(fleet: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
+    dated(fleet)
     published(fleet, out)
-    state = document(out, metadata(out, "snapshot").relative_to(out).as_posix())["signed"][STATE_FIELD]
-    require(state, "published-2")
-    for path in files_of(out):
-        if path.startswith(("models", "units")):
-            require(document(out, path), "published-camera-1")
-        elif path.startswith("entries"):
-            require(document(out, path), "entry-1")
+    require(document(out, PUBLISHED_FILE), "published-3")
+    require(listed(out), "published-list-1")
+    for name in listed(out)["cameras"]:
+        require(json.loads(camera(out, name).read_bytes()), "published-camera-2")
 
 
-def test_a_camera_s_file_is_where_its_key_says_and_lists_its_entries(fleet: Path, tmp_path: Path) -> None:
+def test_a_camera_is_listed_by_its_folder_with_its_entries(fleet: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     published(fleet, out)
-    rows = document(out, "models/dji/fc6310r.json")["entries"]
-    assert [(tuple(row["image_size"]), row["firmware"]) for row in rows] == [
-        ((4864, 3648), None),
-        ((5472, 3648), {"min": "01.09", "max": None}),
-        ((5472, 3648), None),
-    ]
-    [unit] = document(out, f"units/dji/fc6310r/{UNIT[:2]}/{UNIT}.json")["entries"]
-    data = (out / "entries" / unit["sha256"][:2] / f"{unit['sha256']}.json").read_bytes()
-    assert parse_entry(data, "unit") == FLEET[2]
-    assert document(out, "models/other/p4_rtk.json")["aliases"] == [
-        {"make": "Bild & Flug", "model": "Weiß/Kamera"}
-    ]
+    assert [row["path"] for row in rows_of(out, "dji/fc6310r")] == sorted(
+        entry.path for entry in (FLEET[0], FLEET[1], FLEET[3])
+    )
+    [unit] = rows_of(out, f"dji/fc6310r/sn-{UNIT}")
+    assert parse_entry(json.dumps(unit["entry"]).encode(), "unit") == FLEET[2]
+    own = folder_of("Bild & Flug", "Weiß/Kamera").removeprefix("cameras/")[:-1]
+    assert listed(out)["aliases"] == {"other/p4_rtk": [own]}
 
 
 def test_drafts_and_proposals_are_not_published_and_retired_entries_say_so(
@@ -98,8 +85,8 @@ def test_drafts_and_proposals_are_not_published_and_retired_entries_say_so(
     everything = b"".join(files_of(tmp_path / "out").values())
     assert b"DRAFT" not in everything
     assert b"SECRET" not in everything
-    [row] = document(tmp_path / "out", "models/dji/fc330.json")["entries"]
-    assert (row["status"], row["reason"]) == ("retired", "dropped")
+    [row] = rows_of(tmp_path / "out", "dji/fc330")
+    assert (row["entry"]["status"], row["entry"]["reason"]) == ("retired", "dropped")
 
 
 def test_labels_and_tags_stay_private(fleet: Path, tmp_path: Path) -> None:
@@ -114,12 +101,12 @@ def test_revisions_for_earlier_days_are_published_and_no_others(fleet: Path, tmp
     dated(fleet)
     commit(fleet, an_entry(focal_mm=None, fx=3662.0))
     published(fleet, tmp_path / "out")
-    [row] = document(tmp_path / "out", "models/dji/dated.json")["entries"]
-    assert [one["validity"] for one in row["earlier"]] == [
+    [row] = rows_of(tmp_path / "out", "dji/dated")
+    assert [one["entry"].get("validity") for one in row["earlier"]] == [
         {"from": "2026-03-01", "until": "2026-08-31"},
         None,
     ]
-    rows = document(tmp_path / "out", "models/dji/fc6310r.json")["entries"]
+    rows = rows_of(tmp_path / "out", "dji/fc6310r")
     assert all(row["earlier"] == [] for row in rows)
 
 
@@ -141,7 +128,7 @@ def test_the_same_commit_gives_the_same_bytes(fleet: Path, tmp_path: Path) -> No
     dated(fleet)
     published(fleet, tmp_path / "one")
     shutil.copytree(fleet, tmp_path / "elsewhere")
-    publish(open_snapshot(tmp_path / "elsewhere"), tmp_path / "two", workers=3)
+    publish(open_snapshot(tmp_path / "elsewhere"), tmp_path / "two")
     assert files_of(tmp_path / "one") == files_of(tmp_path / "two")
 
 
@@ -154,10 +141,9 @@ def test_only_what_changed_is_written_and_what_is_gone_is_removed(fleet: Path, t
     done = published(fleet, out)
     after = {path: (out / path).stat().st_mtime_ns for path in files_of(out)}
     changed = {path for path in after if before.get(path) != after[path]}
-    assert {path.partition("/")[0] for path in changed} == {"entries", "models"}
-    # Beside these, the timestamp, the snapshot, and the lists of the files that changed or went.
-    assert len(changed) == 2 < done.written <= 2 + 2 + 4
-    assert done.removed == len(before.keys() - after.keys()) == 4
+    # The camera and the list; the manifest is the third.
+    assert (len(changed), done.written) == (2, 3)
+    assert done.removed == len(before.keys() - after.keys()) == 3
     published(fleet, tmp_path / "anew")
     assert files_of(out) == files_of(tmp_path / "anew")
 
@@ -165,11 +151,8 @@ def test_only_what_changed_is_written_and_what_is_gone_is_removed(fleet: Path, t
 def test_a_damaged_file_is_written_again(fleet: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     published(fleet, out)
-    for path in (
-        "models/dji/fc6310r.json",
-        next(path for path in files_of(out) if path.startswith("entries")),
-    ):
-        (out / path).write_bytes(b"{")
+    for file in (camera(out, "dji/fc6310r"), camera(out, "dji/fc330")):
+        file.write_bytes(b"{")
     assert published(fleet, out).written == 2
 
 
@@ -178,8 +161,8 @@ def test_what_others_put_beside_it_stays(fleet: Path, tmp_path: Path) -> None:
     published(fleet, out)
     foreign = {
         "index.html": b"hello",
-        "models/README.txt": b"x",
-        "models/dji/mine.json": b'{"schema":"mine"}',
+        "data/README.txt": b"x",
+        "data/mine.json": b'{"schema":"mine"}',
     }
     for path, data in foreign.items():
         (out / path).write_bytes(data)
@@ -203,18 +186,17 @@ def test_an_interrupted_run_leaves_the_former_state_and_the_next_one_completes_i
 ) -> None:
     out = tmp_path / "out"
     published(fleet, out)
-    stamp = (out / TIMESTAMP_FILE).read_bytes()
+    former = (out / PUBLISHED_FILE).read_bytes()
     commit(fleet, an_entry(focal_mm=None, fx=3662.0))
     with monkeypatch.context() as patch:
-        patch.setattr("calibrary.registry.published.output.Output.publish_staged", lambda _: 1 / 0)
+        patch.setattr("calibrary.registry.published.write.signed_bytes", lambda *_: 1 / 0)
         with pytest.raises(ZeroDivisionError):
             published(fleet, out)
-    assert (out / TIMESTAMP_FILE).read_bytes() == stamp
-    (out / ".publishing/9-9").write_bytes(b"half")
+    assert (out / PUBLISHED_FILE).read_bytes() == former
+    (out / f"data/{'ab' * 32}.json").write_bytes(b"half")
     published(fleet, out)
     published(fleet, tmp_path / "anew")
     assert files_of(out) == files_of(tmp_path / "anew")
-    assert {path.name for path in (out / ".publishing").iterdir()} == {"calibrary.lock", "state.json"}
 
 
 def test_a_serial_number_in_clear_and_an_entry_of_another_camera_are_not_published(
@@ -223,7 +205,7 @@ def test_a_serial_number_in_clear_and_an_entry_of_another_camera_are_not_publish
     commit(fleet, an_entry(serial="0V2LG3H0"))
     with pytest.raises(RegistryError, match="serial number is not hashed"):
         published(fleet, tmp_path / "out")
-    assert not (tmp_path / "out" / TIMESTAMP_FILE).exists()
+    assert not (tmp_path / "out" / PUBLISHED_FILE).exists()
 
 
 def test_a_plain_folder_has_no_commit_to_publish(tmp_path: Path) -> None:
@@ -234,48 +216,16 @@ def test_a_plain_folder_has_no_commit_to_publish(tmp_path: Path) -> None:
         published(Path(f"folder:{tmp_path}/plain"), tmp_path / "out")
 
 
-def test_many_cameras_are_listed_in_bins_and_no_file_gets_large(tmp_path: Path) -> None:
-    commit(tmp_path / "fleet", *(an_entry(model=f"M {number}") for number in range(300)))
-    out = tmp_path / "out"
-    assert published(tmp_path / "fleet", out).cameras == 300
-    assert digests(out) == {path: sha256(data) for path, data in files_of(out).items()}
-    assert max(file.stat().st_size for file in (out / "metadata").iterdir()) < 100_000
-    bins = {file.name: file.stat().st_mtime_ns for file in (out / "metadata").glob("*.bin-*.json")}
-    assert len(bins) == 32
-    commit(tmp_path / "fleet", an_entry(model="M 7", fx=3662.0))
-    published(tmp_path / "fleet", out)
-    after = {file.name: file.stat().st_mtime_ns for file in (out / "metadata").glob("*.bin-*.json")}
-    # The former snapshot and the former list stay for readers who are given the former timestamp.
-    assert len(bins.items() & after.items()) == 32
-    assert len(after) == 33
-
-
-class TestPaths:
-    @pytest.mark.parametrize(
-        ("make", "model", "path"),
-        [
-            ("DJI", "FC6310R", "models/dji/fc6310r.json"),
-            ("Canon", "Canon  EOS 5D Mark IV ", "models/canon/canon_eos_5d_mark_iv.json"),
-            ("Bild & Flug", "Weiß/Kamera", "models/bild_~26_flug/weiss~2fkamera.json"),
-            ("..", ".x.-", "models/~2e~2e/~2ex.~2d.json"),
-            ("a_b", "é", "models/a~5fb/~c3~a9.json"),
-            ("\u200b", "x", "models/~/x.json"),
-            ("m", "x" * 120, f"models/m/{'x' * 120}.json"),
-        ],
-    )
-    def test_they_follow_from_make_and_model(self, make: str, model: str, path: str) -> None:
-        assert camera_path(CameraKey(make=make, model=model)) == path
-
-    @given(st.text(max_size=400), st.text(max_size=400))
-    def test_names_that_are_told_apart_have_different_files(self, one: str, other: str) -> None:
-        paths = {camera_path(CameraKey(make="m", model=text)) for text in (one, other)}
-        assert len(paths) == len({match_key(one), match_key(other)})
-        assert all(is_ours(path) and len(path) < 140 and path.isascii() for path in paths)
-        assert all(".." not in part or part.strip(".") for path in paths for part in path.split("/"))
+def test_a_folder_of_the_former_form_is_left_alone(fleet: Path, tmp_path: Path) -> None:
+    (tmp_path / "out/metadata").mkdir(parents=True)
+    (tmp_path / "out/metadata/1.root.json").write_text("{}")
+    with pytest.raises(InputError, match=r"earlier form \(metadata/.*empty it, or name another folder"):
+        published(fleet, tmp_path / "out")
+    assert not (tmp_path / "out" / PUBLISHED_FILE).exists()
 
 
 def test_no_file_is_written_where_something_cannot_be_read(fleet: Path, tmp_path: Path) -> None:
     commit(fleet, raw={"cameras/dji/bad/1x1.yaml": b"schema: ["})
     with pytest.raises(CalibraryError, match="bad/1x1"):
         published(fleet, tmp_path / "out")
-    assert not (tmp_path / "out" / TIMESTAMP_FILE).exists()
+    assert not (tmp_path / "out" / PUBLISHED_FILE).exists()

@@ -6,7 +6,7 @@ import os
 import shutil
 import time
 from collections.abc import Iterator
-from datetime import date
+from datetime import UTC, date, datetime
 from pathlib import Path
 
 import pytest
@@ -14,6 +14,7 @@ import pytest
 from calibrary.calibration import CameraKey
 from calibrary.errors import RegistryError
 from calibrary.records import replace
+from calibrary.registry.places import PUBLISHED_FILE
 from calibrary.registry.published import fetch as transport
 from calibrary.registry.published import read
 from calibrary.registry.published.address import normalised
@@ -24,9 +25,10 @@ from tests.registry.entries import an_entry
 from tests.registry.published.publications import (
     FLEET,
     UNIT,
+    camera,
     commit,
     dated,
-    document,
+    manifest,
     nobodys_git,
     published,
 )
@@ -35,10 +37,7 @@ from tests.registry.published.server import Answer, Server, serving
 __all__ = ["nobodys_git"]
 
 P4R = CameraKey(make="DJI", model="FC6310R", focal_mm=8.8, image_size=(5472, 3648))
-MODEL = "models/dji/fc6310r.json"
-STAMP = "metadata/timestamp.json"
-AGAIN = [("metadata/2.root.json", 404), (STAMP, 200)]
-"""What a reader asks who has read everything before."""
+MODEL = "dji/fc6310r"
 
 
 @pytest.fixture(scope="module")
@@ -106,30 +105,28 @@ def test_it_answers_as_the_registry_does(made: Path, cache: Cache) -> None:
                 assert other.near(key, on=day) == near, (key, day)
 
 
-def test_a_camera_costs_few_files_and_the_next_time_two_questions(server: Server, cache: Cache) -> None:
+def test_a_camera_costs_few_files_and_the_next_time_one_question(
+    place: Path, server: Server, cache: Cache
+) -> None:
     first = Published(server.url, cache=cache)
     assert fx(first) == 3661.25
     assert fx(first, replace(P4R, serial=UNIT)) == 3655.5
-    asked = server.paths
-    assert sorted(path.partition("/")[0] for path in asked) == [
-        *["entries"] * 4,
-        *["metadata"] * 7,
-        "models",
-        "units",
-    ]
-    assert len(set(asked)) == len(asked)
+    out = place / "out"
+    cameras = [camera(out, name) for name in (MODEL, f"{MODEL}/sn-{UNIT}")]
+    files = [out / PUBLISHED_FILE, out / f"data/{manifest(out)['cameras']}.json", *cameras]
+    assert server.paths == [file.relative_to(out).as_posix() for file in files]
     again = Published(server.url, cache=cache)
     assert fx(again, replace(P4R, serial=UNIT)) == 3655.5
-    assert server.asked == AGAIN
+    assert server.asked == [(PUBLISHED_FILE, 200)]
     assert (again.warnings, again.commit) == ((), first.commit)
 
 
 def test_what_is_not_there_is_known_without_asking(server: Server, cache: Cache) -> None:
     assert fx(Published(server.url, cache=cache), CameraKey(make="DJI", model="FC9")) is None
-    assert {path.partition("/")[0] for path in server.paths} == {"metadata"}
+    assert len(server.paths) == 2
 
 
-def test_many_cameras_are_found_in_bins(tmp_path: Path, cache: Cache) -> None:
+def test_of_many_cameras_only_the_one_is_read(tmp_path: Path, cache: Cache) -> None:
     commit(tmp_path / "fleet", *(an_entry(model=f"M {number}", fx=3000.0 + number) for number in range(300)))
     published(tmp_path / "fleet", tmp_path / "out")
     with serving(tmp_path / "out") as server:
@@ -140,76 +137,68 @@ def test_many_cameras_are_found_in_bins(tmp_path: Path, cache: Cache) -> None:
             3299,
         ]
         assert fx(registry, replace(P4R, model="M 300")) is None
+        assert len(server.paths) == 2 + 3
 
 
 class TestDamage:
     @pytest.mark.parametrize("kind", ["corrupt", "cut", "html", "missing"])
-    @pytest.mark.parametrize("what", ["models", "entries"])
+    @pytest.mark.parametrize("what", ["camera", "list"])
     def test_a_file_that_is_not_vouched_for_is_refused(
         self, place: Path, server: Server, cache: Cache, what: str, kind: str
     ) -> None:
-        path = MODEL if what == "models" else self.entry_of_p4r(place)
-        file = place / "out" / path
+        out = place / "out"
+        file = camera(out, MODEL) if what == "camera" else out / f"data/{manifest(out)['cameras']}.json"
         data = file.read_bytes()
-        damaged = {"corrupt": data.replace(b"3648", b"3649"), "cut": data[:100], "html": b"<html>"}
+        damaged = {"corrupt": data.replace(b"fc6310r", b"fc6310s"), "cut": data[:100], "html": b"<html>"}
         if kind == "missing":
             file.unlink()
         else:
             file.write_bytes(damaged[kind])
-        with pytest.raises(RegistryError, match=path) as raised:
+        with pytest.raises(RegistryError, match=file.name) as raised:
             fx(Published(server.url, cache=cache))
         assert "damaged on the server or on the way" in str(raised.value)
         assert "\n" not in str(raised.value)
         file.write_bytes(data)
         assert fx(Published(server.url, cache=cache)) == 3661.25
 
-    @staticmethod
-    def entry_of_p4r(place: Path) -> str:
-        digest = document(place / "out", MODEL)["entries"][0]["sha256"]
-        return f"entries/{digest[:2]}/{digest}.json"
-
-    def test_one_that_was_damaged_on_the_way_is_read_again(self, server: Server, cache: Cache) -> None:
-        server.faults[MODEL] = [Answer(200, b"{}"), Answer(404)]
+    def test_one_that_was_damaged_on_the_way_is_read_again(
+        self, place: Path, server: Server, cache: Cache
+    ) -> None:
+        path = camera(place / "out", MODEL).relative_to(place / "out").as_posix()
+        cut = Answer(200, b'{"schema"', {"Content-Length": "4000"})
+        server.faults[path] = [Answer(200, b"{}"), cut, Answer(404)]
         assert fx(Published(server.url, cache=cache)) == 3661.25
-
-    def test_a_connection_that_ends_early_is_an_error_of_one_line(self, server: Server, cache: Cache) -> None:
-        server.faults[MODEL] = [Answer(200, b'{"schema"', {"Content-Length": "4000"})]
-        with pytest.raises(RegistryError, match="9 bytes read, 3991 more expected"):
-            fx(Published(server.url, cache=cache))
 
     @pytest.mark.parametrize(
         ("body", "expected"),
         [
-            (b"<html>please log in</html>", "this is no metadata"),
-            (b'{"signed"', "is damaged"),
-            (b"{}", "this is no metadata"),
-            (b"\xff\xfe", "this is no metadata"),
-            (b'{"signed":' * 50_000, "exceeding the maximum|is damaged"),
+            (b"<html>please log in</html>", "this is no manifest"),
+            (b'{"manifest"', "this is no manifest"),
+            (b"{}", "this is no manifest"),
+            (b"\xff\xfe", "this is no manifest"),
             (b"{" + b" " * (6 << 20), "is longer than"),
         ],
     )
-    @pytest.mark.parametrize("path", [STAMP, "metadata/1.root.json"])
-    def test_metadata_that_is_none_is_an_error_of_one_line(
-        self, server: Server, cache: Cache, path: str, body: bytes, expected: str
+    def test_a_manifest_that_is_none_is_an_error_of_one_line(
+        self, server: Server, cache: Cache, body: bytes, expected: str
     ) -> None:
-        server.faults[path] = [Answer(200, body)] * 2
+        server.faults[PUBLISHED_FILE] = [Answer(200, body)]
         with pytest.raises(RegistryError, match=expected) as raised:
             Published(server.url, cache=cache)
         assert "\n" not in str(raised.value)
 
     def test_an_address_without_a_registry_says_so(self, server: Server, cache: Cache) -> None:
-        with pytest.raises(RegistryError, match="no published registry here, expected metadata"):
+        with pytest.raises(RegistryError, match="no published registry here, expected calibrary-manifest"):
             Published(f"{server.url}nowhere", cache=cache)
 
     def test_a_damaged_cache_is_read_again(self, server: Server, cache: Cache) -> None:
         fx(Published(server.url, cache=cache))
-        for file in cache.folder.rglob("*"):
-            if file.is_file() and file.name != "first.json":
+        for file in (cache.folder / "files").rglob("*"):
+            if file.is_file():
                 file.write_bytes(file.read_bytes()[:-7] + b"garbage")
-        cache.documents.clear()
         server.asked.clear()
         assert fx(Published(server.url, cache=cache)) == 3661.25
-        assert (MODEL, 200) in server.asked
+        assert len(server.paths) == 3
 
     def test_a_cache_that_cannot_be_written_only_takes_longer(self, server: Server, tmp_path: Path) -> None:
         (tmp_path / "file").write_text("")
@@ -217,7 +206,7 @@ class TestDamage:
 
 
 class TestPublishedInBetween:
-    def test_metadata_that_change_before_the_camera_s_file_is_read_are_read_again(
+    def test_a_manifest_that_changes_before_the_camera_s_file_is_read_is_read_again(
         self, place: Path, server: Server, cache: Cache
     ) -> None:
         registry = Published(server.url, cache=cache)
@@ -226,19 +215,27 @@ class TestPublishedInBetween:
         assert fx(registry) == 3670.0
         assert registry.commit == open_snapshot(place / "fleet").commit
 
-    def test_an_entry_that_is_removed_while_it_is_read_too(
-        self, place: Path, server: Server, cache: Cache, monkeypatch: pytest.MonkeyPatch
+    def test_a_file_that_is_removed_while_it_is_read_too(
+        self, place: Path, server: Server, cache: Cache
     ) -> None:
-        monkeypatch.setattr(read, "AT_ONCE", 1)
         commit(place / "fleet", an_entry(focal_mm=None, fx=3670.0))
 
-        def publish_before_the_first_entry(path: str) -> None:
-            if path.startswith("entries"):
+        def publish_before_the_first_file(path: str) -> None:
+            if path.startswith("data"):
                 server.before = lambda _: None
                 published(place / "fleet", place / "out")
 
-        server.before = publish_before_the_first_entry
+        server.before = publish_before_the_first_file
         assert fx(Published(server.url, cache=cache)) == 3670.0
+
+    def test_a_half_done_upload_is_the_former_state(self, place: Path, server: Server, cache: Cache) -> None:
+        former = (place / "out" / PUBLISHED_FILE).read_bytes()
+        shutil.copytree(place / "out/data", place / "former")
+        commit(place / "fleet", an_entry(focal_mm=None, fx=3670.0))
+        published(place / "fleet", place / "out")
+        (place / "out" / PUBLISHED_FILE).write_bytes(former)
+        shutil.copytree(place / "former", place / "out/data", dirs_exist_ok=True)
+        assert fx(Published(server.url, cache=cache)) == 3661.25
 
     def test_a_reader_keeps_to_one_state_while_nothing_it_needs_changes(
         self, place: Path, server: Server, cache: Cache
@@ -257,15 +254,15 @@ class TestOffline:
     ) -> None:
         fx(Published(server.url, cache=cache))
         long_ago = time.time() - 73 * 3600
-        os.utime(cache.trusted(server.url) / "read", (long_ago, long_ago))
+        os.utime(cache.trusted(server.url), (long_ago, long_ago))
         monkeypatch.setattr(transport, "TIMEOUT_S", 1.0)
-        server.faults[AGAIN[0][0]] = [Answer(status) for status in (500, 503, 429)]
+        server.faults[PUBLISHED_FILE] = [Answer(status) for status in (500, 503, 429)]
         for _ in range(3):
             registry = Published(server.url, cache=cache)
             assert fx(registry) == 3661.25
             [warning] = registry.warnings
             assert "the server answers" in warning
-            assert "3 days old" in warning
+            assert f"the copy in the cache of {datetime.fromtimestamp(long_ago, UTC):%Y-%m-%d}" in warning
 
     def test_without_a_server_too(self, place: Path, cache: Cache) -> None:
         with serving(place / "out") as server:
@@ -284,7 +281,7 @@ class TestOffline:
 
     def test_a_server_that_says_there_is_none_is_believed(self, server: Server, cache: Cache) -> None:
         Published(server.url, cache=cache)
-        server.faults[STAMP] = [Answer(404)] * 8
+        server.faults[PUBLISHED_FILE] = [Answer(404)] * 8
         with pytest.raises(RegistryError, match="the server answers 404"):
             Published(server.url, cache=cache)
 
@@ -325,17 +322,17 @@ class TestAddresses:
     def test_no_redirect_leads_to_another_scheme_or_elsewhere_in_clear(
         self, server: Server, cache: Cache, target: str
     ) -> None:
-        server.faults[STAMP] = [Answer(302, b"", {"Location": target})]
+        server.faults[PUBLISHED_FILE] = [Answer(302, b"", {"Location": target})]
         with pytest.raises(RegistryError, match=r"not followed|not allowed"):
             Published(server.url, cache=cache)
 
     def test_others_are_followed_but_not_for_ever(self, place: Path, server: Server, cache: Cache) -> None:
         shutil.copytree(place / "out", place / "out/v1")
-        server.faults[STAMP] = [Answer(301, b"", {"Location": f"{server.url}v1/{STAMP}"})]
+        server.faults[PUBLISHED_FILE] = [Answer(301, b"", {"Location": f"{server.url}v1/{PUBLISHED_FILE}"})]
         assert fx(Published(server.url, cache=cache)) == 3661.25
-        again = Answer(301, b"", {"Location": f"{server.url}{STAMP}"})
-        server.faults[STAMP] = [again] * transport.MOST_REDIRECTS
+        again = Answer(301, b"", {"Location": f"{server.url}{PUBLISHED_FILE}"})
+        server.faults[PUBLISHED_FILE] = [again] * transport.MOST_REDIRECTS
         assert fx(Published(server.url, cache=Cache(place / "patient"))) == 3661.25
-        server.faults[STAMP] = [again] * (transport.MOST_REDIRECTS + 1)
+        server.faults[PUBLISHED_FILE] = [again] * (transport.MOST_REDIRECTS + 1)
         with pytest.raises(RegistryError, match="301"):
             Published(server.url, cache=Cache(place / "cache"))

@@ -7,44 +7,36 @@ import shutil
 import subprocess
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from datetime import datetime, timedelta, timezone, tzinfo
+from datetime import datetime, timedelta, tzinfo
 from pathlib import Path
-from types import SimpleNamespace
+from typing import Any
 
 import pytest
-import tuf.ngclient._internal.trusted_metadata_set as client
-from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
-from cryptography.hazmat.primitives.serialization import (
-    Encoding,
-    NoEncryption,
-    PrivateFormat,
-    PublicFormat,
-)
-from securesystemslib.signer import Signature
-from tuf.api.metadata import Metadata, Root
 
 from calibrary.calibration import CameraKey
 from calibrary.errors import RegistryError
-from calibrary.registry.published import metadata as lists
-from calibrary.registry.published import trust
+from calibrary.registry.git.locks import writer_lock
+from calibrary.registry.places import PUBLISHED_FILE
+from calibrary.registry.published import manifest as trust
+from calibrary.registry.published import read, write
 from calibrary.registry.published.cache import Cache
 from calibrary.registry.published.read import Published
+from calibrary.registry.sshsig import Signer
 from tests.registry.entries import an_entry
-from tests.registry.published.publications import commit, metadata, nobodys_git, published
+from tests.registry.published.publications import camera, commit, document, manifest, nobodys_git, published
 from tests.registry.published.server import Answer, Server, serving
 
 __all__ = ["nobodys_git"]
 
 KEY = CameraKey(make="DJI", model="FC6310R", focal_mm=8.8, image_size=(5472, 3648))
-OLD_FX, NEW_FX = 3650.0, 3661.25
+P4R, OTHER = "dji/fc6310r", "dji/other"
+OLD_FX, NEW_FX, OTHER_FX = 3650.0, 3661.25, 1234.5
 
 
-def make_key(file: Path) -> Path:
+def make_key(file: Path, *, kind: str = "ed25519", passphrase: str = "") -> Path:
     """A private key of ssh, with its public one beside it."""
-    key = Ed25519PrivateKey.generate()
-    file.write_bytes(key.private_bytes(Encoding.PEM, PrivateFormat.OpenSSH, NoEncryption()))
-    public = key.public_key().public_bytes(Encoding.OpenSSH, PublicFormat.OpenSSH)
-    file.with_suffix(".pub").write_bytes(public)
+    command = ["ssh-keygen", "-q", "-t", kind, "-N", passphrase, "-f", str(file)]
+    subprocess.run(command, check=True, stdin=subprocess.DEVNULL)
     return file
 
 
@@ -69,49 +61,42 @@ class World:
     def served(self) -> Path:
         return self.folder / "served"
 
+    @property
+    def file(self) -> Path:
+        """The manifest that is served."""
+        return self.served / PUBLISHED_FILE
+
     def key(self, name: str) -> Path:
         """Somebody's key."""
         if name not in self.keys:
             self.keys[name] = make_key(self.folder / name)
         return self.keys[name]
 
-    def publish(
-        self,
-        *roots: str,
-        key: str | None = "ada",
-        threshold: int | None = None,
-        only: bool = False,
-        **days: int,
-    ) -> None:
+    def publish(self, *, key: str | None = "ada", valid_days: int = 90) -> None:
         """Publish the newer state again."""
         own = self.key(key) if key is not None else None
-        published(
-            self.folder / "fleet",
-            self.served,
-            own,
-            *map(self.key, roots),
-            threshold=threshold,
-            only=only,
-            **days,
-        )
+        published(self.folder / "fleet", self.served, own, valid_days=valid_days)
 
     def serve(self, other: str) -> None:
         """Serve another folder in place of this one."""
         shutil.rmtree(self.served)
         shutil.copytree(self.folder / other, self.served)
 
-    def accept(self, name: str, options: str = "") -> None:
-        """Accept somebody's signatures alone."""
-        public = self.key(name).with_suffix(".pub").read_text()
+    def accept(self, *names: str, options: str = "") -> None:
+        """Accept the signatures of some alone."""
         self.signers = self.folder / "signers"
-        self.signers.write_text(f"# ours\n{name}@example.com {options} {public}\n")
+        public = [self.key(name).with_suffix(".pub").read_text() for name in names]
+        self.signers.write_text("# ours\n" + "".join(f"us@example.com {options} {one}" for one in public))
 
-    def edit(self, role: str, change: Callable[[dict[str, object]], object]) -> None:
-        """Change metadata without a key."""
-        file = metadata(self.served, role)
-        document = json.loads(file.read_bytes())
-        change(document)
-        file.write_text(json.dumps(document))
+    def edit(self, change: Callable[[dict[str, Any]], object]) -> None:
+        """Change the manifest without a key."""
+        whole = document(self.served, PUBLISHED_FILE)
+        change(whole)
+        self.file.write_text(json.dumps(whole, separators=(",", ":")))
+
+    def answer(self, path: str, body: bytes) -> None:
+        """Answer something else in place of a file."""
+        self.server.faults[path] = [Answer(200, body)] * 8
 
     def fx(self, cache: Cache) -> float:
         registry = Published(self.server.url, cache=cache, signers=self.signers)
@@ -136,11 +121,11 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The two states, by one key; a foreign registry; the old state expired; one without a key."""
     folder = tmp_path_factory.mktemp("made")
     ada = make_key(folder / "ada")
-    commit(folder / "fleet", an_entry(focal_mm=None, fx=OLD_FX))
+    commit(folder / "fleet", an_entry(focal_mm=None, fx=OLD_FX), an_entry(model="OTHER", fx=OTHER_FX))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(lists, "datetime", clock(-180))
+        patch.setattr(write, "datetime", clock(-180))
         published(folder / "fleet", folder / "expired", ada)
-        patch.setattr(lists, "datetime", clock(-1))
+        patch.setattr(write, "datetime", clock(-1))
         published(folder / "fleet", folder / "older", ada)
         published(folder / "fleet", folder / "unsigned-older")
     commit(folder / "fleet", an_entry(focal_mm=None, fx=NEW_FX))
@@ -153,7 +138,8 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def world(made: Path, tmp_path: Path) -> Iterator[World]:
+def world(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[World]:
+    monkeypatch.setattr(read, "PAUSES_S", (0.0, 0.0, 0.0))
     folder = tmp_path / "world"
     shutil.copytree(made, folder)
     shutil.copytree(folder / "newer", folder / "served")
@@ -164,10 +150,37 @@ def world(made: Path, tmp_path: Path) -> Iterator[World]:
         yield found
 
 
-def sign_by_eve(world: World, role: str) -> None:
-    """Replace a signature by another key's."""
-    foreign = json.loads(metadata(world.folder / "foreign", role).read_bytes())
-    world.edit(role, lambda document: document.update(signatures=foreign["signatures"]))
+def signature_of(folder: Path) -> str:
+    return str(document(folder, PUBLISHED_FILE)["signature"])
+
+
+def relist(world: World) -> None:
+    """The newer manifest leads to the list of the older state, which the attacker has kept."""
+    old = world.folder / "older"
+    (world.served / f"data/{manifest(world.served)['cameras']}.json").write_bytes(
+        (old / f"data/{manifest(old)['cameras']}.json").read_bytes()
+    )
+
+
+def swap(world: World) -> None:
+    """The file of another camera in place of this one's."""
+    camera(world.served, P4R).write_bytes(camera(world.served, OTHER).read_bytes())
+
+
+def roll_back_one(world: World) -> None:
+    """The former file of a camera under the name of the new one."""
+    camera(world.served, P4R).write_bytes(camera(world.folder / "older", P4R).read_bytes())
+
+
+def tamper(world: World) -> None:
+    file = camera(world.served, P4R)
+    file.write_bytes(file.read_bytes().replace(b"3661.25", b"3999.25"))
+
+
+def resign(world: World) -> None:
+    """Everything by an attacker's own key, under a newer version."""
+    world.file.unlink()
+    world.publish(key="eve")
 
 
 def steps(*acts: Callable[[World], object]) -> Callable[[World], None]:
@@ -178,93 +191,59 @@ def steps(*acts: Callable[[World], object]) -> Callable[[World], None]:
     return act
 
 
-def strip(role: str) -> Callable[[World], None]:
-    return lambda world: world.edit(role, lambda document: document.update(signatures=[]))
+def later(member: str, value: object) -> Callable[[World], None]:
+    """A member of the manifest changed, under the signature of the former one."""
+    return lambda world: world.edit(lambda whole: whole["manifest"].update({member: value}))
 
 
-def old_content(role: str) -> Callable[[World], None]:
-    """The old content of a role under the name of the new one."""
-
-    def act(world: World) -> None:
-        metadata(world.served, role).write_bytes(metadata(world.folder / "older", role).read_bytes())
-
-    return act
-
-
-def old_list(world: World) -> None:
-    """The old content of the list with the camera under its new name."""
-    for file in (world.served / "metadata").glob("*.bin-*.json"):
-        for old in (world.folder / "older/metadata").glob(f"*.{file.name.partition('.')[2]}"):
-            file.write_bytes(old.read_bytes())
-
-
-def forge_root(world: World, *, version: int = 2, threshold: int = 1) -> None:
-    """A next root that only an attacker signed."""
-    shutil.rmtree(world.folder / "forged", ignore_errors=True)
-    published(world.folder / "foreign-fleet", world.folder / "forged", world.key("eve"), threshold=threshold)
-    document = json.loads((world.folder / "forged/metadata/1.root.json").read_bytes())
-    document["signed"]["version"] = version
-    (world.served / "metadata/2.root.json").write_text(json.dumps(document))
-
-
-def tamper(top: str) -> Callable[[World], None]:
-    def act(world: World) -> None:
-        for file in (world.served / top).rglob("*.json"):
-            file.write_bytes(file.read_bytes().replace(b"3661.25", b"9999.99").replace(b"3648", b"3649"))
-
-    return act
-
-
-def answer(path: str, body: bytes) -> Callable[[World], None]:
-    return lambda world: world.server.faults.update({path: [Answer(200, body)] * 8})
-
-
-def remove(role: str) -> Callable[[World], None]:
-    return lambda world: metadata(world.served, role).unlink()
-
-
-DOWN = "is not signed by the keys"
-STAMP = "metadata/timestamp.json"
+BY_NOBODY, BY_OTHERS, BROKEN, DAMAGED, NONE, OLDER, EXPIRED = (
+    "is not signed, and was signed by SHA256:",
+    "is signed by SHA256:.* and was signed by SHA256:",
+    "its signature is wrong",
+    "damaged on the server or on the way",
+    "this is no manifest",
+    "is older than what was read",
+    "has expired on",
+)
 
 SEEN: dict[str, tuple[Callable[[World], object], str | float]] = {
     "nothing": (lambda _: None, NEW_FX),
-    "everything goes back": (lambda world: world.serve("older"), "older than what was read"),
-    "the timestamp goes back": (old_content("timestamp"), "older than what was read"),
-    "an expired state comes back": (lambda world: world.serve("expired"), "older than what was read"),
-    "the state without a key is served": (lambda world: world.serve("unsigned"), DOWN),
-    "a foreign registry": (lambda world: world.serve("foreign"), DOWN),
-    "the timestamp has no signature": (strip("timestamp"), DOWN),
-    "the timestamp is signed by another": (lambda world: sign_by_eve(world, "timestamp"), DOWN),
-    "the timestamp was changed": (
-        lambda world: world.edit("timestamp", lambda document: document["signed"].update(version=1 << 40)),  # type: ignore[attr-defined]
-        DOWN,
+    "rolled back: everything": (lambda world: world.serve("older"), OLDER),
+    "rolled back: the manifest": (
+        lambda world: shutil.copy(world.folder / "older" / PUBLISHED_FILE, world.file),
+        OLDER,
     ),
-    "the next root is an attacker's": (forge_root, DOWN),
-    "the next root leaves versions out": (
-        lambda world: forge_root(world, version=5),
-        DOWN,
+    "rolled back: to an expired state": (lambda world: world.serve("expired"), OLDER),
+    "unsigned: the state without a key": (lambda world: world.serve("unsigned"), BY_NOBODY),
+    "unsigned: the signature is taken away": (
+        lambda world: world.edit(lambda whole: whole.update(signature=None)),
+        BY_NOBODY,
     ),
-    "the timestamp is endless": (answer(STAMP, b"{" + b" " * (50 << 20)), "longer than"),
-    "the timestamp is nested deeply": (answer(STAMP, b'{"signed":' * 1600), "damaged"),
+    "wrong key: a foreign registry": (lambda world: world.serve("foreign"), BY_OTHERS),
+    "wrong key: the same registry, signed by another": (resign, BY_OTHERS),
+    "tampered: a signature of other bytes": (
+        lambda world: world.edit(
+            lambda whole: whole.update(signature=signature_of(world.folder / "foreign"))
+        ),
+        BROKEN,
+    ),
+    "tampered: the version": (later("version", 1 << 40), BROKEN),
+    "tampered: the last day": (later("until", "2099-01-01T00:00:00Z"), BROKEN),
+    "tampered: the list": (later("cameras", "0" * 64), BROKEN),
+    "huge: an endless manifest": (
+        lambda world: world.answer(PUBLISHED_FILE, b"{" + b" " * (1 << 20)),
+        "longer than",
+    ),
     "the keeper publishes again": (lambda world: world.publish(), NEW_FX),
     "the keeper lost the folder": (
         steps(lambda world: shutil.rmtree(world.served), lambda world: world.publish()),
         NEW_FX,
     ),
-    "another key for every day, by the root's": (
-        lambda world: world.publish("ada", key="ci"),
-        NEW_FX,
-    ),
-    "the root's key handed over, then removed": (
+    "a key was replaced, and the reader accepts both": (
         steps(
-            lambda world: world.publish("ada", "bo", key="ci"), lambda world: world.publish("bo", key="ci")
-        ),
-        NEW_FX,
-    ),
-    "two keys of three for a root": (
-        steps(
-            lambda world: world.publish("ada", "bo", "cy", key="ci", threshold=2),
-            lambda world: world.publish("bo", "cy", key="next"),
+            lambda world: world.accept("ada", "bo"),
+            lambda world: world.file.unlink(),
+            lambda world: world.publish(key="bo"),
         ),
         NEW_FX,
     ),
@@ -273,30 +252,47 @@ SEEN: dict[str, tuple[Callable[[World], object], str | float]] = {
 
 FRESH: dict[str, tuple[Callable[[World], object], str | float]] = {
     "trust on first use": (lambda _: None, NEW_FX),
-    "a state that has expired": (lambda world: world.serve("expired"), "has expired"),
-    "the snapshot goes back": (old_content("snapshot"), "older than what|damaged"),
-    "a list goes back": (old_list, "older than what|damaged"),
-    "the snapshot is missing": (remove("snapshot"), "snapshot.json: the server answers 404"),
-    "the snapshot has no signature": (strip("snapshot"), DOWN),
-    "the targets have no signature": (strip("targets"), DOWN),
-    "the root has no signature": (strip("root"), DOWN),
-    "the snapshot is signed by another": (lambda world: sign_by_eve(world, "snapshot"), DOWN),
-    "the targets are signed by another": (lambda world: sign_by_eve(world, "targets"), DOWN),
-    "a camera's file was changed": (tamper("models"), "damaged on the server or on the way"),
-    "an entry was changed": (tamper("entries"), "damaged on the server or on the way"),
+    "frozen: a state that has expired": (lambda world: world.serve("expired"), EXPIRED),
+    "mixed: the list of the former state": (relist, DAMAGED),
+    "mixed: the former file of a camera": (roll_back_one, DAMAGED),
+    "swapped: the file of another camera": (swap, DAMAGED),
+    "tampered: a camera's file": (tamper, DAMAGED),
+    "tampered: the manifest": (later("version", 1 << 40), BROKEN),
+    "truncated: the manifest": (lambda world: world.file.write_bytes(world.file.read_bytes()[:300]), NONE),
+    "truncated: a camera's file": (
+        lambda world: camera(world.served, P4R).write_bytes(camera(world.served, P4R).read_bytes()[:100]),
+        DAMAGED,
+    ),
+    "truncated: a camera's file is gone": (
+        lambda world: camera(world.served, P4R).unlink(),
+        "answers 404.*damaged",
+    ),
+    "huge: a camera's file": (
+        lambda world: camera(world.served, P4R).write_bytes(b" " * (trust.LARGEST_CAMERA + 1)),
+        "longer than",
+    ),
+    "huge: nested deeply": (lambda world: world.answer(PUBLISHED_FILE, b'{"manifest":' * 5000), NONE),
+    "unsigned: a last day without a time zone": (
+        steps(lambda world: world.serve("unsigned"), later("until", "2099-01-01T00:00:00")),
+        NONE,
+    ),
+    "unsigned: a name that leads out of the folder": (
+        steps(lambda world: world.serve("unsigned"), later("cameras", "../../secret")),
+        NONE,
+    ),
+    "wrong key: a signer who is not accepted": (lambda world: world.accept("eve"), "expected a key in"),
+    "wrong key: accepted for something else": (
+        lambda world: world.accept("ada", options='namespaces="git"'),
+        "expected a key in",
+    ),
+    "unsigned: where signers are named": (
+        steps(lambda world: world.accept("ada"), lambda world: world.serve("unsigned")),
+        "is not signed, expected a key in",
+    ),
     "the accepted signer": (lambda world: world.accept("ada"), NEW_FX),
     "the accepted signer, for publications": (
-        lambda world: world.accept("ada", 'namespaces="git,calibrary-published"'),
+        lambda world: world.accept("ada", options='namespaces="git,calibrary-published"'),
         NEW_FX,
-    ),
-    "the accepted signer, for something else": (
-        lambda world: world.accept("ada", 'namespaces="git"'),
-        "not signed by a key in",
-    ),
-    "a signer who is not accepted": (lambda world: world.accept("eve"), "not signed by a key in"),
-    "no key where signers are named": (
-        steps(lambda world: world.accept("ada"), lambda world: world.serve("unsigned")),
-        "not signed by a key in",
     ),
     "no file of signers": (lambda world: setattr(world, "signers", world.folder / "none"), "no such file"),
 }
@@ -327,12 +323,19 @@ def check(world: World, cache: Cache, expected: str | float) -> None:
         assert "\n" not in str(raised.value)
 
 
+def test_a_signature_for_another_purpose_is_none_of_a_publication(world: World, tmp_path: Path) -> None:
+    signed = world.file.read_bytes().partition(b'"manifest":')[2].partition(b',"signature"')[0]
+    own = Signer(str(world.key("ada"))).sign(signed, "git")
+    world.edit(lambda whole: whole.update(signature=own))
+    check(world, Cache(tmp_path / "fresh"), "its signature is not made for calibrary-published")
+
+
 def test_without_a_key_nobody_goes_back_either(world: World, tmp_path: Path) -> None:
     world.serve("unsigned")
     cache = Cache(tmp_path / "fresh")
     assert world.fx(cache) == NEW_FX
     world.serve("unsigned-older")
-    check(world, cache, "older than what was read")
+    check(world, cache, OLDER)
 
 
 def test_who_begins_to_sign_takes_his_readers_along_and_not_back(world: World, tmp_path: Path) -> None:
@@ -341,128 +344,79 @@ def test_who_begins_to_sign_takes_his_readers_along_and_not_back(world: World, t
     assert world.fx(cache) == NEW_FX
     world.publish()
     assert world.fx(cache) == NEW_FX
-    with pytest.raises(RegistryError, match="was signed before"):
+    with pytest.raises(RegistryError, match="was signed by"):
         world.publish(key=None)
     world.serve("unsigned")
-    check(world, cache, DOWN)
+    check(world, cache, BY_NOBODY)
 
 
 def test_a_copy_on_a_stick_is_held_to_the_same_rules(world: World, tmp_path: Path) -> None:
-    for folder, expected in (("newer", NEW_FX), ("expired", "has expired"), ("older", OLD_FX)):
+    for folder, expected in (("newer", NEW_FX), ("expired", EXPIRED), ("older", OLD_FX)):
         stick = tmp_path / "stick"
         shutil.rmtree(stick, ignore_errors=True)
         shutil.copytree(world.folder / folder, stick)
         world.server.url = str(stick)
         check(world, Cache(tmp_path / folder), expected)
-    check(world, Cache(tmp_path / "newer"), "older than what was read")
+    check(world, Cache(tmp_path / "newer"), OLDER)
 
 
 def test_offline_the_last_state_serves_until_it_expires(
     world: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    world.server.faults = dict.fromkeys(("metadata/2.root.json", STAMP), [Answer(503)] * 8)
+    world.server.faults = {PUBLISHED_FILE: [Answer(503)] * 8}
     assert world.fx(world.cache) == NEW_FX
-
-    monkeypatch.setattr(client, "datetime", SimpleNamespace(datetime=clock(91), timezone=timezone))
-    check(world, world.cache, "has expired")
-
-
-def forge(world: World, how: str) -> None:
-    """A registry of an attacker that claims an accepted key without having its private half."""
-    document = json.loads(metadata(world.folder / "foreign", "root").read_bytes())
-    ada = json.loads(metadata(world.folder / "newer", "root").read_bytes())["signed"]
-    [own], [known] = (one["roles"]["root"]["keyids"] for one in (document["signed"], ada))
-    if how == "listed beside":
-        document["signed"]["roles"]["root"]["keyids"].append(known)
-        document["signed"]["keys"][known] = ada["keys"][known]
-    else:
-        document["signed"]["keys"][known] = document["signed"]["keys"].pop(own)
-        for role in document["signed"]["roles"].values():
-            role["keyids"] = [known]
-    root: Metadata[Root] = Metadata(Root.from_dict(document["signed"]))
-    eve = lists.signers(lists.Signing(key=world.key("eve"))).online
-    signature = root.sign(eve)
-    if how != "listed beside":
-        root.signatures = {known: Signature(known, signature.signature)}
-    world.serve("foreign")
-    (world.served / "metadata/1.root.json").write_bytes(root.to_bytes())
-
-
-@pytest.mark.parametrize("how", ["listed beside", "by its id"])
-def test_an_accepted_key_that_is_only_named_has_not_signed(world: World, tmp_path: Path, how: str) -> None:
-    world.accept("ada")
-    forge(world, how)
-    check(world, Cache(tmp_path / "fresh"), "not signed by a key in")
+    monkeypatch.setattr(trust, "datetime", clock(91))
+    check(world, world.cache, EXPIRED)
 
 
 def test_who_was_refused_for_his_signers_is_not_trusted_afterwards(world: World, tmp_path: Path) -> None:
     cache = Cache(tmp_path / "fresh")
     world.serve("foreign")
     world.accept("ada")
-    check(world, cache, "not signed by a key in")
+    check(world, cache, "expected a key in")
     world.serve("newer")
     assert world.fx(cache) == NEW_FX
 
 
-@pytest.mark.parametrize("sizes", [(30, 5), (5, 30), (60, 40)])
-def test_a_registry_may_grow_and_shrink_under_its_readers(
-    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sizes: tuple[int, int]
-) -> None:
-    monkeypatch.setattr(lists, "BIN", 1)
-    fleet, cache = tmp_path / "fleet", Cache(tmp_path / "fresh")
-    for size, more in zip(sizes, (0, 1), strict=True):
-        there = {one.relative_to(fleet).as_posix() for one in fleet.glob("cameras/**/*.yaml")}
-        models = [
-            an_entry(focal_mm=None, fx=NEW_FX),
-            *(an_entry(model=f"M {at}") for at in range(size + more)),
-        ]
-        gone = dict.fromkeys(there - {one.path for one in models})
-        commit(fleet, *models, raw=gone)
-        published(fleet, world.served, world.key("ada"))
-        assert world.fx(cache) == NEW_FX
-
-
-def test_a_reader_whose_timestamp_comes_from_a_cache_on_the_way_is_served(
-    world: World, tmp_path: Path
-) -> None:
-    stamp = (world.served / STAMP).read_bytes()
-    commit(world.folder / "fleet", an_entry(focal_mm=None, fx=3662.5), an_entry(model="NEW"))
-    world.publish()
-    world.server.faults[STAMP] = [Answer(200, stamp)] * 8
-    registry = Published(world.server.url, cache=Cache(tmp_path / "fresh"))
-    assert registry.state.entries == 1
-
-
-def test_a_first_root_that_was_cut_short_names_what_to_remove(world: World) -> None:
-    kept = world.cache.trusted(world.server.url) / "first.json"
+def test_a_memory_that_was_cut_short_names_what_to_remove(world: World) -> None:
+    kept = world.cache.trusted(world.server.url)
     kept.write_bytes(kept.read_bytes()[:100])
-    check(world, world.cache, f"{kept.parent}, and .* trusted anew")
+    check(world, world.cache, f"{kept}: is damaged; remove it, and .* trusted anew")
 
 
 def test_a_cache_that_may_not_be_written_still_holds_what_is_trusted(
     world: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("calibrary.registry.published.trust._locked", unlocked(world))
+    def refused(*_: object, **__: object) -> None:
+        raise OSError("read-only")
+
+    monkeypatch.setattr(read, "writer_lock", refused)
     [warning] = Published(world.server.url, cache=world.cache).warnings
     assert "a later run would not notice" in warning
     world.serve("older")
-    check(world, world.cache, "older than what was read")
+    check(world, world.cache, OLDER)
 
 
-def unlocked(world: World) -> Callable[[Path], object]:
-    """A lock that only a temporary folder gives."""
-    real = trust._locked
+def test_what_another_process_read_meanwhile_is_not_forgotten(
+    world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    memory = world.cache.trusted(world.server.url)
+    newer = memory.read_bytes()
+    memory.unlink()
+    world.serve("older")
+    real = writer_lock
 
-    def act(folder: Path) -> object:
-        if world.cache.folder in folder.parents:
-            raise OSError("read-only")
-        return real(folder)
+    def lock(*what: Any, **how: Any) -> object:
+        memory.write_bytes(newer)
+        return real(*what, **how)
 
-    return act
+    monkeypatch.setattr(read, "writer_lock", lock)
+    assert world.fx(world.cache) == OLD_FX
+    assert memory.read_bytes() == newer
 
 
 class TestKeeper:
-    def test_the_key_that_anyone_has_is_of_no_registry_so_that_one_founded_anew_goes_on(
+    def test_a_registry_founded_anew_goes_on_at_an_address_without_a_key(
         self, world: World, tmp_path: Path
     ) -> None:
         world.serve("unsigned")
@@ -471,80 +425,61 @@ class TestKeeper:
         published(world.folder / "foreign-fleet", world.served)
         assert world.fx(cache) == 9999.0
 
-    def test_with_its_root_keys_away_it_goes_on_until_the_root_ends(
-        self, world: World, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        world.publish("safe", "ada", key="daily", only=True)
-        monkeypatch.setattr(lists, "datetime", clock(300))
-        world.publish(key="daily")
-        root = json.loads(metadata(world.served, "root").read_bytes())["signed"]
-        assert json.loads((world.served / STAMP).read_bytes())["signed"]["expires"] == root["expires"]
-        monkeypatch.setattr(lists, "datetime", clock(400))
-        with pytest.raises(RegistryError, match="renewed by"):
-            world.publish(key="daily")
-
     def test_a_shorter_validity_takes_effect_at_once(self, world: World) -> None:
-        before = (world.served / STAMP).read_bytes()
+        before = world.file.read_bytes()
         world.publish(valid_days=7)
-        assert (world.served / STAMP).read_bytes() != before
+        assert world.file.read_bytes() != before
 
     def test_a_state_is_renewed_before_it_expires_and_else_stays(
         self, world: World, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        before = (world.served / STAMP).read_bytes()
+        before = world.file.read_bytes()
         world.publish()
-        assert (world.served / STAMP).read_bytes() == before
+        assert world.file.read_bytes() == before
 
-        monkeypatch.setattr(lists, "datetime", clock(50))
+        monkeypatch.setattr(write, "datetime", clock(50))
         world.publish()
-        assert (world.served / STAMP).read_bytes() != before
+        assert world.file.read_bytes() != before
         assert world.fx(world.cache) == NEW_FX
 
-    def test_keys_are_replaced_by_those_who_may(self, world: World) -> None:
-        with pytest.raises(RegistryError, match=r"1 more of ed25519 .*: name them as root keys"):
+    def test_another_key_is_refused_and_nothing_is_written(self, world: World) -> None:
+        before = world.file.read_bytes()
+        with pytest.raises(RegistryError, match=r"was signed by SHA256.*name that key, or remove"):
             world.publish(key="eve")
-        world.publish("ada", "bo", key="ci", threshold=2)
-        with pytest.raises(RegistryError, match="name more root keys"):
-            world.publish("bo", key="eve", threshold=4)
-        with pytest.raises(RegistryError, match="1 more of ed25519"):
-            world.publish("bo", key="eve")
-        world.publish("bo", "ada", key="next")
-        root = json.loads(metadata(world.served, "root").read_bytes())["signed"]["roles"]["root"]
-        assert (len(root["keyids"]), root["threshold"]) == (2, 2)
-        world.publish(key="next")
+        assert world.file.read_bytes() == before
+
+    def test_what_an_attacker_put_into_the_folder_is_not_signed(self, world: World) -> None:
+        world.serve("foreign")
+        world.file.write_bytes((world.folder / "unsigned" / PUBLISHED_FILE).read_bytes())
+        world.edit(
+            lambda whole: whole["manifest"].update(cameras=manifest(world.folder / "foreign")["cameras"])
+        )
+        world.publish()
         assert world.fx(world.cache) == NEW_FX
 
-    def test_a_key_that_cannot_sign_is_one_line(self, world: World) -> None:
-        locked = ["ssh-keygen", "-q", "-t", "ed25519", "-N", "secret", "-f", str(world.folder / "locked")]
-        if shutil.which("ssh-keygen") is not None:
-            subprocess.run(locked, check=True)
+    def test_a_key_that_cannot_sign_is_one_line(self, world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setenv("SSH_ASKPASS_REQUIRE", "never")
         (world.folder / "none").write_text("-----BEGIN NOTHING-----")
-        for name, expected in (
-            ("locked", "passphrase"),
-            ("none", "is not a private key"),
-            ("gone", "No such"),
-        ):
+        for name in ("none", "gone"):
             world.keys[name] = world.folder / name
-            with pytest.raises(RegistryError, match=expected) as raised:
+            with pytest.raises(
+                RegistryError, match="nothing was written: ssh-keygen does not sign with"
+            ) as raised:
                 world.publish(key=name)
             assert "\n" not in str(raised.value)
 
-    def test_a_key_that_ssh_keygen_made_serves(self, world: World) -> None:
-        if shutil.which("ssh-keygen") is None:
-            pytest.skip("ssh-keygen is not installed")
-        for kind in ("ed25519", "ecdsa", "rsa"):
-            key = world.folder / kind
-            subprocess.run(["ssh-keygen", "-q", "-t", kind, "-N", "", "-f", str(key)], check=True)
-            published(world.folder / "fleet", world.folder / f"by-{kind}", key)
-            world.keys[kind] = key
-            world.serve(f"by-{kind}")
-            world.accept(kind)
-            assert world.fx(Cache(world.folder / f"cache-{kind}")) == NEW_FX
+    @pytest.mark.parametrize("kind", ["ed25519", "ecdsa", "rsa"])
+    def test_a_key_of_any_usual_kind_serves(self, world: World, kind: str) -> None:
+        world.keys[kind] = make_key(world.folder / kind, kind=kind)
+        published(world.folder / "fleet", world.folder / f"by-{kind}", world.key(kind))
+        world.serve(f"by-{kind}")
+        world.accept(kind)
+        assert world.fx(Cache(world.folder / f"cache-{kind}")) == NEW_FX
 
-    def test_a_damaged_root_is_not_replaced_by_one_that_nobody_accepts(self, world: World) -> None:
-        (world.served / "metadata/1.root.json").write_bytes(b"{")
-        with pytest.raises(RegistryError, match="restore it"):
-            world.publish()
+    def test_a_damaged_manifest_is_written_again(self, world: World) -> None:
+        world.file.write_bytes(b"{")
+        world.publish()
+        assert world.fx(world.cache) == NEW_FX
 
 
 def test_what_is_trusted_is_trusted_at_its_address_alone(world: World) -> None:

@@ -12,8 +12,8 @@ from calibrary.jobs.fleet import Fleet
 
 DESCRIPTION = (
     "Write the registry as static files: small JSON documents that any web server or bucket can serve. "
-    "calibrary and other programs find a camera's calibration in them over HTTP; what is read is verified with "
-    "The Update Framework."
+    "calibrary and other programs find a camera's calibration in them over HTTP; one signed manifest vouches for all "
+    "of them."
 )
 EXAMPLES = """\
 examples:
@@ -44,20 +44,9 @@ def run(arguments: argparse.Namespace) -> int:
         print_json(done)
         return 0
     files = "1 camera file" if done.cameras == 1 else f"{done.cameras} camera files"
-    signed = ", signed" if done.signed else ", not signed (--sign KEY)"
-    folder = plain(arguments.out)
+    signed = f"signed by {done.signed_by}" if done.signed_by is not None else "not signed (--sign KEY)"
     out(arguments).say(
-        f"{entries(done.entries)} in {files} of commit {done.commit[:12]}{signed}; {done.written} files written to "
-        f"{folder}, {done.removed} removed; valid until {done.valid_until:%Y-%m-%d}: publish again before"
+        f"{entries(done.entries)} in {files} of commit {done.commit[:12]}, {signed}; {done.written} files written to "
+        f"{plain(arguments.out)}, {done.removed} removed; valid until {done.valid_until:%Y-%m-%d}: publish again before"
     )
-    if done.is_new_root and done.signed:
-        keys = "1 key" if done.root_keys == 1 else f"{done.root_keys} keys"
-        out(arguments).say(
-            f"root {done.root}: {keys}, of which a change needs {done.root_threshold}; keep "
-            f"{folder}/metadata/{done.root}.root.json"
-        )
-    elif done.root_until <= done.valid_until:
-        note(arguments).say(
-            f"[yellow]warning[/] the root ends on {done.root_until:%Y-%m-%d}: renew it before, with --root-key"
-        )
     return 0

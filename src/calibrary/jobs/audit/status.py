@@ -11,7 +11,6 @@ from functools import partial
 from msgspec import Struct
 
 from calibrary.errors import InputError, RegistryError
-from calibrary.extras import PUBLISHED, require
 from calibrary.jobs.audit.findings import age_finding, due_again
 from calibrary.jobs.audit.other_statements import proposal_statements
 from calibrary.jobs.audit.report import AuditReport, NotCompared, Rule
@@ -358,25 +357,23 @@ def copy_matter(snapshot: Snapshot, place: str, horizon: date) -> Matter | None:
 
     Raises:
         RegistryError: the place is no address.
-        MissingExtraError: python-tuf is not installed.
     """
-    require(PUBLISHED, "a published registry")
-    from calibrary.registry.published.address import normalised  # noqa: PLC0415  its libraries are an extra
-    from calibrary.registry.published.read import Published  # noqa: PLC0415
+    from calibrary.registry.published.address import normalised  # noqa: PLC0415  few ask for one
+    from calibrary.registry.published.read import Published  # noqa: PLC0415  the same
 
     what = normalised(place)
     try:
         found = Published(what)
     except RegistryError as error:
         return Matter(kind=Kind.PUBLISHED, what=what, text=str(error), yours=True)
-    repo, due, told = snapshot.repo, found.expires.date(), list(found.warnings)
+    repo, due, told = snapshot.repo, found.manifest.until.date(), list(found.warnings)
     if repo is None or not repo.holds(found.commit):
         told.append(f"it is of commit {found.commit[:12]}, which this registry does not have")
     elif found.commit != snapshot.commit:
         listed = repo.run("rev-list", "--left-right", "--count", f"{found.commit}...{snapshot.commit}").out
         ahead, behind = map(int, listed.split())
         apart = [f"{number} {word}" for number, word in ((ahead, "ahead"), (behind, "behind")) if number]
-        told.append(f"it is {' and '.join(apart)} in commits, of {found.state.date:%Y-%m-%d}")
+        told.append(f"it is {' and '.join(apart)} in commits, of {found.manifest.date:%Y-%m-%d}")
     if due <= horizon:
         told.append(f"readers refuse it from {due}; publish again before")
     if not told:

@@ -480,7 +480,6 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         Raises:
             InputError: a folder cannot be read.
             RegistryError: the registry cannot be read.
-            MissingExtraError: ``published`` is named and python-tuf is not installed.
 
         >>> [matter.what for matter in calibrary.open_registry("fleet").status().matters]
         []
@@ -642,9 +641,6 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         site: bool = False,
         base_url: Annotated[str, Meta(title="URL")] | None = None,
         sign: Annotated[str | Path, Meta(title="KEY")] | None = None,
-        root_key: Annotated[Sequence[str | Path], Meta(title="KEY")] = (),
-        root_only: bool = False,
-        root_threshold: Annotated[int, Meta(ge=1, le=16)] | None = None,
         valid_days: Annotated[int, Meta(ge=1, le=3650)] = 90,
         workers: Workers = 0,
         progress: Progress | None = None,
@@ -656,41 +652,31 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
             site: also write the pages for people into the folder, as a site has them.
             base_url: URL at which the folder is served: also write the JSON Schemas of the files, with URLs there
                 as their ids.
-            sign: an ssh key without a passphrase to sign with; then readers accept nothing else at this address.
-            root_key: ssh keys that vouch for the signing key, needed again only to replace a key or once a year; by
-                default itself.
-            root_only: remove the root keys that are not named.
-            root_threshold: how many of the root keys have to sign a change of keys; by default as many as until now.
+            sign: an ssh key to sign with, as ssh-keygen takes it; then readers accept nothing else at this address.
             valid_days: days until readers refuse what is written, unless it is published again.
-            workers: number of processes; 0 for one per processor.
+            workers: number of processes for the pages; 0 for one per processor.
             progress: called with (entries done, number of entries, "entries"); then for the pages.
 
         Raises:
             InputError: the folder contains other files.
             RegistryError: an entry cannot be read or must not be published, or the keys are not those of the folder.
-            MissingExtraError: python-tuf is not installed, or with ``site`` the libraries for pages.
+            MissingExtraError: with ``site``, the libraries for pages are not installed.
 
         >>> calibrary.open_registry("fleet").publish("public").entries
         1
         """
-        from calibrary.extras import PAGES, PUBLISHED, require
-
-        require((*PUBLISHED, *PAGES) if site else PUBLISHED, "publishing")
-        from calibrary.registry.published.metadata import Signing
+        from calibrary.extras import PAGES, require
         from calibrary.registry.published.write import publish
+
+        if site:
+            require(PAGES, "publishing with pages")
 
         done = publish(
             self.snapshot,
             Path(out),
-            signing=Signing(
-                key=Path(sign) if sign is not None else None,
-                root_keys=tuple(map(Path, root_key)),
-                root_only=root_only,
-                threshold=root_threshold,
-                valid_days=valid_days,
-            ),
+            sign=Path(sign) if sign is not None else None,
+            valid_days=valid_days,
             base_url=base_url,
-            workers=workers,
             progress=labelled(progress, "entries"),
         )
         if site:

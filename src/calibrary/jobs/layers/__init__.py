@@ -25,7 +25,6 @@ from msgspec import Struct
 from calibrary.calibration import CameraKey
 from calibrary.catalogue import shipped_with
 from calibrary.errors import RegistryError
-from calibrary.extras import PUBLISHED, require
 from calibrary.known_camera import KnownCamera, match_key
 from calibrary.records import Record, replace
 from calibrary.registry.entry import USUAL_TOLERANCE, Entry, Status
@@ -293,7 +292,6 @@ def layer_of_snapshot(snapshot: Snapshot, *, many: bool = False) -> Layer:
 def _published(address: str) -> Layer:
     def opening(key: CameraKey) -> Asked:
         if layer.published is None:
-            require(PUBLISHED, "a published registry")
             from calibrary.registry.published.read import Published
 
             layer.published = Published(layer.name)

@@ -23,7 +23,6 @@ from calibrary.jobs.site.camera_page import (
     camera_page,
     downloads,
     made_at,
-    published_file,
     step_page,
     steps,
 )
@@ -38,7 +37,6 @@ from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.history import Revision, histories, history
 from calibrary.registry.history import EntryRevision, of_path
 from calibrary.registry.paths import id_of, proposal_path
-from calibrary.registry.places import is_published
 from calibrary.registry.registry import Registry
 from calibrary.workers import mapped
 
@@ -86,9 +84,7 @@ def build(
         RegistryError: the registry cannot be read.
     """
     with replaced(out) as folder:
-        site = build_into(
-            folder, registry, published=is_published(str(out)), workers=workers, progress=progress
-        )
+        site = build_into(folder, registry, workers=workers, progress=progress)
     return replace(site, root=out)
 
 
@@ -96,7 +92,6 @@ def build_into(
     folder: Path,
     registry: Path,
     *,
-    published: bool = False,
     workers: int = 0,
     progress: Progress | None = None,
 ) -> Site:
@@ -105,7 +100,6 @@ def build_into(
     Args:
         folder: an empty folder.
         registry: folder of the registry.
-        published: whether the published files for programs are next to it.
         workers: processes; 0 for one per processor.
         progress: called with the number of entries done and the total.
 
@@ -121,7 +115,6 @@ def build_into(
         commit=shown,
         policy=opened.configuration.policy,
         root=folder,
-        published=published,
     )
     # For a few files, git's log of each is faster than one over all commits.
     files = histories(repo, shown) if len(snapshot.paths) >= WORTH_A_POOL else None
@@ -159,14 +152,12 @@ class Job(Struct, frozen=True, kw_only=True):
         commit: the commit to show.
         policy: with the limits for comparisons.
         root: output folder of the site.
-        published: whether the published files for programs are next to it, so that pages link to them.
     """
 
     registry: Path
     commit: str
     policy: Policy
     root: Path
-    published: bool = False
 
 
 class Task(Struct, frozen=True, kw_only=True):
@@ -211,7 +202,7 @@ def _write_entry(task: Task, job: Job, registry: Registry) -> Card:
         entry = parse_entry(data, task.path)
     except (InputError, RegistryError) as error:
         return Card(path=task.path, id=id_, problem=str(error), revisions=len(revisions))
-    place = Place.of(task.path, proper=entry.path == task.path, published=job.published)
+    place = Place.of(task.path, proper=entry.path == task.path)
     # An entry may contain any finite number; values that overflow are shown as unknown.
     with np.errstate(all="ignore"):
         changes = steps(id_, revisions, job.policy)
@@ -253,15 +244,13 @@ def entry_files(
         is_proposed: whether a proposal to replace it waits for approval.
     """
     own = downloads(entry, data)
-    is_there = place.is_published and entry.status is not Status.DRAFT
-    files = [*own, *([published_file(entry)] if is_there else [])]
     page = camera_page(
         entry,
         id_=id_,
         place=place,
         revisions=revisions,
         changes=changes,
-        files=files,
+        files=own,
         is_proposed=is_proposed,
     )
     content = {place.page: render_page(page).encode()}

@@ -1,6 +1,6 @@
 """Page of one camera: K, lens, uncertainties, provenance, history and the files to download.
 
-These are its own, one in every format that can represent it, and the published one. Each change of the history has a
+These are its own, one in every format that can represent it. Each change of the history has a
 page too.
 """
 
@@ -58,7 +58,6 @@ from calibrary.registry.fields import differences, entry_rows
 from calibrary.registry.git.history import Revision
 from calibrary.registry.history import EntryRevision
 from calibrary.registry.paths import slug
-from calibrary.registry.published.layout import camera_path
 
 MOST_COMPARED: Final = 100
 """Most changes of one entry that get a page, newest first; few cameras are calibrated as often."""
@@ -345,7 +344,6 @@ class Download(Struct, frozen=True, kw_only=True):
         data: content of the file.
         remark: how exactly it represents K and the lens, or why there is no file.
         left_out: known data that the file does not contain.
-        address: relative to the site's root, of a published file; None for a file of the entry itself.
     """
 
     format: str
@@ -354,7 +352,6 @@ class Download(Struct, frozen=True, kw_only=True):
     data: bytes = b""
     remark: str = ""
     left_out: str = ""
-    address: str | None = None
 
 
 def downloads(entry: Entry, data: bytes) -> tuple[Download, ...]:
@@ -378,19 +375,6 @@ def files_of(calibration: Calibration) -> tuple[Download, ...]:
         _download(calibration, record, f"{stem}-{record.name}{record.suffixes[0]}")
         for record in parsers.formats()
         if record.write is not None
-    )
-
-
-def published_file(entry: Entry) -> Download:
-    """The published file for programs that contains the entry."""
-    address = camera_path(entry.calibration.camera)
-    return Download(
-        format="published",
-        title="for programs, over HTTP",
-        name=address.rpartition("/")[2],
-        remark="every entry of this camera, with the digest of its file",
-        left_out="drafts, labels, tags",
-        address=address,
     )
 
 
@@ -445,6 +429,10 @@ def camera_page(
     """
     calibration = entry.calibration
     newest = revisions[0].revision if revisions else None
+
+    def way_to(_: Download, name: str) -> str:
+        return way(place.page, place.file(name))
+
     lead = f"Grade: {calibration.grade.value}, {_origin(calibration)}."
     if newest is not None:
         lead += f" Last changed on {newest.authored:%Y-%m-%d} by {newest.author.name}."
@@ -459,9 +447,7 @@ def camera_page(
             Section(title="Uncertainty", blocks=tuple(_uncertainty(calibration)), printed=False),
             Section(title="Where it is from", blocks=(*_provenance(entry), *_approved(revisions))),
             Section(title="History", blocks=tuple(story(id_, place, revisions, changes))),
-            Section(
-                title="Download", blocks=tuple(download_blocks(files, partial(_way, place))), printed=False
-            ),
+            Section(title="Download", blocks=tuple(download_blocks(files, way_to)), printed=False),
         ),
         made_by=made_at(newest),
     )
@@ -663,10 +649,6 @@ def download_blocks(files: Sequence[Download], way_to: Callable[[Download, str],
             text=f"calibrary convert {best} OUT --to FORMAT --max-error-px 0.2",
             label="The command that fits another lens model to a file of this table",
         )
-
-
-def _way(place: Place, file: Download, name: str) -> str:
-    return way(place.page, file.address if file.address is not None else place.file(name))
 
 
 def _origin(calibration: Calibration) -> str:

@@ -21,7 +21,7 @@ from calibrary.atomic import check_folder
 from calibrary.errors import InputError
 from calibrary.registry.paths import ROOT, SUFFIX
 from calibrary.registry.places import is_published
-from calibrary.registry.published.output import OWN_NAMES, SITE_MARKER
+from calibrary.registry.published.write import OWN_NAMES, SITE_MARKER
 
 INDEX = "index.html"
 
@@ -33,25 +33,22 @@ class Place(Struct, frozen=True, kw_only=True):
 
     Attributes:
         stem: common part of its addresses.
-        is_published: whether the published files for programs are next to the site and contain the entry.
     """
 
     stem: str
-    is_published: bool = False
 
     @classmethod
-    def of(cls, path: str, *, proper: bool, published: bool = False) -> Place:
+    def of(cls, path: str, *, proper: bool) -> Place:
         """The location for the entry at a path.
 
         Args:
             path: in the registry.
             proper: whether the path is the one that follows from its camera; any other path could point
                 outside the site or to another entry's page, and is replaced by a number.
-            published: whether the published files for programs are next to the site.
         """
         stem = path.removeprefix(ROOT).removesuffix(SUFFIX)
         if proper and _SAFE.fullmatch(stem) and ".." not in stem:
-            return cls(stem=stem, is_published=published)
+            return cls(stem=stem)
         return cls(stem=f"elsewhere/{hashlib.sha256(path.encode('utf-8', 'surrogatepass')).hexdigest()[:16]}")
 
     @property
