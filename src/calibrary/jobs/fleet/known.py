@@ -18,11 +18,10 @@ from calibrary.admission import ADMISSION, admission
 from calibrary.calibration import Calibration, CameraKey, ImageSize, Intrinsics
 from calibrary.catalogue import shipped_catalogue
 from calibrary.catalogue.sensor_widths import sensor_width
-from calibrary.errors import FrameError
-from calibrary.evidence.frame import adapt
 from calibrary.evidence.metadata import ImageMetadata
-from calibrary.image_size import same_aspect
-from calibrary.jobs.weigh import NOMINAL, Source, known_tolerance, limit_between, weigh
+from calibrary.evidence.readings import Prior, Reading, readings
+from calibrary.jobs.survey import Claim, Survey, Who
+from calibrary.jobs.weigh import MEASURED, NOMINAL, known_tolerance
 from calibrary.known_camera import KnownCamera, match_key, normalise_sub_camera
 from calibrary.policy import Policy
 from calibrary.records import replace
@@ -46,7 +45,6 @@ GROSS_BY_SENSOR: Final = 0.20
 length."""
 FOCAL_TOLERANCE: Final = 0.02
 SAME_CAMERA: Final = ("make", "model", "sub_camera", "lens", "capture_mode")
-WHOLE: Final = 0.01
 PHOTO: Final = (4 / 3, 3 / 2)
 
 
@@ -55,13 +53,13 @@ class _Known(Struct, frozen=True, kw_only=True):
 
     Attributes:
         rule: name of the finding where it contradicts K.
-        source: what it states.
+        claim: what it states, at the entry's image size.
         gross: relative difference of fx beyond which a contradiction needs a person's override.
         hint: what such a difference usually is.
     """
 
     rule: str
-    source: Source
+    claim: Claim
     gross: float
     hint: str = ""
 
@@ -88,23 +86,33 @@ def contradictions(
         yield _finding(path, entry, ADMISSION, alone.measured, alone.limit, alone.message)
         if alone.severity is Severity.ERROR:
             return
-    K, camera = entry.calibration, entry.calibration.camera
-    fx, known = K.intrinsics.fx, [*_known(path, entry, entries, last_approved, policy)]
-    own = Source.in_registry(path, K, None, policy)
-    by_source = {id(one.source): one for one in known}
-    for one in weigh(own, [one.source for one in known], camera, policy).contradicted_by:
-        about, off = by_source[id(one.source)], fx / one.source.fx - 1.0
-        is_gross = abs(off) > about.gross
-        if about.rule == BY_LAST_APPROVED and not is_gross:
-            continue
-        is_error = is_gross and not one.disbelieved_by
-        said = f"fx = {fx:.1f} px, and {one.source.name} {one.message}" + (about.hint if is_gross else "")
-        if one.disbelieved_by:
-            said += f"; it is not believed: {' and '.join(one.disbelieved_by)} show it wrong"
-        limit = about.gross if is_gross else limit_between(own, one.source)
-        yield _finding(
-            path, entry, about.rule, off, limit, said, Severity.ERROR if is_error else Severity.WARNING
-        )
+    calibration, known = entry.calibration, [*_known(path, entry, entries, last_approved, policy)]
+    fx, size = calibration.intrinsics.fx, ImageMetadata(size=calibration.intrinsics.image_size)
+    own = _in_registry(path, calibration, None, policy)
+    by_name = {one.claim.name: one for one in known}
+    claims = [own, *(one.claim for one in known)]
+    for one in Survey(size, claims, policy).weigh(own).against:
+        about, off = by_name[one.one.claim.name], fx / one.one.fx - 1.0
+        said = f"fx = {fx:.1f} px, and {one.message}"
+        if abs(off) > about.gross:
+            severity = Severity.WARNING if one.shown_by else Severity.ERROR
+            yield _finding(path, entry, about.rule, off, about.gross, said + about.hint, severity)
+        elif about.rule != BY_LAST_APPROVED:
+            yield _finding(path, entry, about.rule, off, one.limit, said, Severity.WARNING)
+
+
+def _in_registry(name: str, K: Calibration, granted: float | None, policy: Policy) -> Claim:
+    is_measured = K.grade in MEASURED
+    return Claim(
+        who=Who.ENTRY,
+        name=name,
+        calibration=K,
+        tolerance=0.0 if is_measured else known_tolerance(policy),
+        granted=granted,
+        is_measured=is_measured,
+        rests_on=frozenset({name}),
+        voice=name,
+    )
 
 
 def _finding(
@@ -143,21 +151,19 @@ def _known(
     if last_approved is not None and used is not None:
         name = f"{last_approved.id}, {last_approved.status.value} for this very camera,"
         tolerance = last_approved.tolerance
-        source = Source.in_registry(name, used, tolerance, policy)
-        yield _Known(
-            rule=BY_LAST_APPROVED, source=source, gross=tolerance if tolerance is not None else usual
-        )
+        claim = _in_registry(name, used, tolerance, policy)
+        yield _Known(rule=BY_LAST_APPROVED, claim=claim, gross=tolerance if tolerance is not None else usual)
 
 
-def _stated(entry: Entry, name: str, fx: float, tolerance: float, why: str, engraved: float = 0.0) -> Source:
-    """A nominal source of the focal length alone."""
+def _stated(entry: Entry, name: str, fx: float, tolerance: float, engraved: float = 0.0) -> Claim:
+    """A nominal claim of the focal length alone."""
     K = entry.calibration
     square = replace(K.intrinsics, fx=fx, fy=fx * K.intrinsics.fy / K.intrinsics.fx)
-    return Source(
+    return Claim(
+        who=Who.CATALOGUE,
         name=name,
         calibration=replace(K, intrinsics=square, quality=None),
         tolerance=tolerance,
-        why=why,
         engraved=engraved,
         rests_on=frozenset({name}),
         voice=name,
@@ -190,7 +196,7 @@ def _of_sensor(entry: Entry) -> list[_Known]:
     return [
         _Known(
             rule=BY_SENSOR,
-            source=_stated(entry, name, fx, 0.02, "lenses are not as engraved", NOMINAL),
+            claim=_stated(entry, name, fx, 0.02, NOMINAL),
             gross=GROSS_BY_SENSOR if is_sure else inf,
             hint=": a 35 mm equivalent taken for the focal length, or another camera's K",
         )
@@ -211,9 +217,8 @@ def _of_relatives(path: str, entry: Entry, entries: Mapping[str, Entry], usual: 
     }
     if others:
         nearest, (expected, tolerance) = min(others.items(), key=lambda item: abs(fx / item[1][0] - 1.0))
-        why = "units and focus settings of a model differ by less"
-        source = _stated(entry, f"{nearest}, the nearest of the same camera,", expected, tolerance, why)
-        yield _Known(rule=BY_RELATIVES, source=source, gross=max(GROSS, tolerance))
+        claim = _stated(entry, f"{nearest}, the nearest of the same camera,", expected, tolerance)
+        yield _Known(rule=BY_RELATIVES, claim=claim, gross=max(GROSS, tolerance))
 
 
 def _in_frame_of(entry: Entry, other: Entry) -> Calibration | None:
@@ -225,12 +230,17 @@ def _in_frame_of(entry: Entry, other: Entry) -> Calibration | None:
         return None
     if (focal[0] is None) != (focal[1] is None):
         return None
-    size = entry.calibration.intrinsics.image_size
-    try:
-        K = adapt(other.calibration.intrinsics, ImageMetadata(size=size)).intrinsics
-    except FrameError:
-        return None
-    return replace(other.calibration, intrinsics=K, camera=replace(two, image_size=size))
+    fx, size = entry.calibration.intrinsics.fx, entry.calibration.intrinsics.image_size
+    at_size = [way.intrinsics for way in _usual(other.calibration.intrinsics, size)]
+    K = min(at_size, key=lambda one: abs(one.fx / fx - 1.0), default=None)
+    return replace(other.calibration, intrinsics=K, camera=replace(two, image_size=size)) if K else None
+
+
+def _usual(K: Intrinsics, size: ImageSize, mode: str | None = None) -> tuple[Reading, ...]:
+    """How a K may be of an image size; what cameras and programs usually do goes before all else, but for a mode."""
+    ways = readings(K, ImageMetadata(size=size))
+    usual = tuple(one for one in ways if one.prior is not Prior.POSSIBLE) if mode is None else ()
+    return usual or ways
 
 
 def _same(one: str | None, other: str | None) -> bool:
@@ -273,10 +283,8 @@ def _of_catalogue(entry: Entry, usual: float) -> list[_Known]:
         return []
     fx, row = min(found, key=lambda one: abs(K.fx / one[0] - 1.0))
     spread = row.spread or 0.0
-    source = _stated(
-        entry, f"the catalogue's {row.title}", fx, max(usual, spread), "what is known of the camera"
-    )
-    return [_Known(rule=BY_CATALOGUE, source=source, gross=max(GROSS, 2 * spread))]
+    claim = _stated(entry, f"the catalogue's {row.title}", fx, max(usual, spread))
+    return [_Known(rule=BY_CATALOGUE, claim=claim, gross=max(GROSS, 2 * spread))]
 
 
 def _expected(row: KnownCamera, camera: CameraKey, size: ImageSize) -> list[float]:
@@ -290,22 +298,8 @@ def _expected(row: KnownCamera, camera: CameraKey, size: ImageSize) -> list[floa
     return [fx for share in ends for fx in _in_frame(share, row.native_size, size, camera.capture_mode)]
 
 
-def _in_frame(share: float, native: ImageSize | None, size: ImageSize, mode: str | None) -> tuple[float, ...]:
-    """Return the possible fx: for the whole width, scaled; and, for a possible 1:1 crop, unscaled."""
-    if native is None:
-        return (share * size[0],)
-    native_fx, (width, height) = share * native[0], native
-    if mode is None and (native == size or (same_aspect(native, size) and _is_whole(width / size[0]))):
-        return (share * size[0],)
-    if mode is None and not same_aspect(native, size):
-        K = Intrinsics(fx=native_fx, fy=native_fx, cx=width / 2, cy=height / 2, image_size=native)
-        try:
-            return (adapt(K, ImageMetadata(size=size)).intrinsics.fx,)
-        except FrameError:
-            pass
-    return share * size[0], native_fx
-
-
-def _is_whole(ratio: float) -> bool:
-    ratio = max(ratio, 1 / ratio)
-    return abs(ratio / round(ratio) - 1.0) <= WHOLE
+def _in_frame(share: float, native: ImageSize | None, size: ImageSize, mode: str | None) -> list[float]:
+    """The possible fx of a share of the full width; where the full frame is unknown, or smaller, of the image's."""
+    W, H = native if native is not None else size
+    K = Intrinsics(fx=share * W, fy=share * W, cx=W / 2, cy=H / 2, image_size=(W, H))
+    return [way.intrinsics.fx for way in _usual(K, size, mode)] or [share * size[0]]

@@ -8,7 +8,7 @@ import pytest
 
 from calibrary.calibration import CameraKey, Grade
 from calibrary.catalogue import load_catalogue
-from calibrary.jobs.weigh.entries import CONTRADICTIONS, contradictions
+from calibrary.jobs.fleet.known import CONTRADICTIONS, contradictions
 from calibrary.policy import FLEET
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Sensor, Status
@@ -56,6 +56,10 @@ RIGHT = {
     "a camera that nothing knows": (entry(3300.0, ODD), ()),
     "a camera of the lists": (entry(4.3 / 6.2 * 4608, LISTED), ()),
     "a unit 2 % from its sister": (entry(3300.0, ODD, serial="aa"), (entry(3366.0, ODD, serial="bb"),)),
+    "a part of its sister's frame, 1:1": (
+        entry(3300.0, ODD, serial="a", size=(3600, 2700)),
+        (entry(3300.0, ODD, serial="b"),),
+    ),
     "a sister of another lens": (entry(3300.0, ODD), (entry(9900.0, ODD, lens="long"),)),
     "a relative of another focal length": (entry(3300.0, ODD), (entry(9900.0, {**ODD, "focal_mm": 24.0}),)),
     "one of two that disagree": (
