@@ -6,20 +6,27 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+import numpy as np
 import pytest
 
-from calibrary import open_registry
+from calibrary import Calibration, CameraKey, open_registry, write
+from calibrary.arguments import Stated
 from calibrary.calibration import Quality
 from calibrary.distortion import BrownConrady
 from calibrary.jobs.audit.report import Rule
+from calibrary.jobs.fleet import create_registry
+from calibrary.jobs.onboard.estimates import Serves
+from calibrary.jobs.onboard.run import Onboarding
 from calibrary.jobs.resolve import resolve
 from calibrary.jobs.resolve.run import FleetAnswer
 from calibrary.quality import Covariance
 from calibrary.records import replace
 from calibrary.registry.entry_yaml import entry_yaml
+from calibrary.registry.registry import Registry
 from calibrary.validation import Severity
 from tests.jobs.extract.fleet import picture
 from tests.registry.entries import FILE, an_entry
+from tests.registry.git.repositories import put, seclude
 
 FULL, F = (5472, 3648), 3420.0
 PX_PER_MM, FOCAL_MM = 411.26, 8.29
@@ -87,8 +94,9 @@ def asked(tmp_path: Path) -> Callable[..., Asked]:
         if plane:
             per_mm = round(PX_PER_MM * change.fx / F * 100)
             tags |= {"focal_plane_resolution": ((per_mm, 100), (per_mm, 100)), "focal_plane_unit": 4}
+        (tmp_path / "flight").mkdir()
         image = picture(
-            tmp_path / "a.jpg",
+            tmp_path / "flight" / "a.jpg",
             change.size,
             make=camera[0],
             model=camera[1],
@@ -148,3 +156,52 @@ def test_an_audit_gives_the_entry_the_k_that_resolve_gives_it(
         assert audited.fx == resolved.calibration.intrinsics.fx
         assert not against & {Rule.DRIFT, Rule.TAGS}
     assert bool({Rule.SIZE} & against) is (one.change.size != FULL)
+
+
+@pytest.mark.parametrize(
+    ("name", "plane", "camera"), [case for case in CASES if case[0] in NOT_TOLD or case[2] == UNKNOWN]
+)
+def test_onboard_proposes_the_k_that_was_measured_on_the_new_frame(
+    asked: Callable[..., Asked],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    name: str,
+    plane: bool,
+    camera: tuple[str, str],
+) -> None:
+    seclude(monkeypatch, tmp_path)
+    one = asked(name, plane=plane, camera=camera)
+    size, fx = one.change.size, one.change.fx
+    K = np.array([[fx, 0.0, size[0] / 2 + 2.0], [0.0, fx, size[1] / 2], [0.0, 0.0, 1.0]])
+    measured = Calibration.from_opencv(K, np.array([-0.11, 0.02, 0.0, 0.0]), image_size=size)
+    write(measured, one.image.parent / "camera.yml", format="opencv")
+    fleet = tmp_path / "fleet"
+    create_registry(fleet)
+    [before] = (tmp_path / "registry").rglob("*.yaml")
+    put(
+        Registry.open(fleet).repo, {before.relative_to(tmp_path / "registry").as_posix(): before.read_bytes()}
+    )
+    done, _ = Onboarding(
+        folder=one.image.parent,
+        registry=Registry.open(fleet),
+        camera=CameraKey(),
+        stated=Stated(),
+        board=None,
+        square_mm=None,
+        serves=Serves.MODEL,
+        ask=None,
+        trusted=None,
+        flight=False,
+        label=None,
+        workers=1,
+        progress=None,
+    ).run(None)
+    [decided] = done.cameras
+    if name in NOT_TOLD and camera == KNOWN:
+        # The catalogue says otherwise of a frame of this size: it takes a person.
+        assert decided.decision.value == "refused"
+        return
+    assert decided.entry is not None, decided.reason
+    assert decided.entry.calibration.intrinsics.fx == pytest.approx(fx)
+    assert decided.entry.calibration.intrinsics.image_size == size
+    assert decided.decision.value != "refused", decided.reason

@@ -6,7 +6,7 @@ The one that is proposed becomes a registry entry: with the hash of every source
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from enum import StrEnum
 from itertools import zip_longest
 from pathlib import Path
@@ -16,24 +16,18 @@ from calibrary.arguments import Stated
 from calibrary.calib.detection import Detections
 from calibrary.calib.result import CalibrationResult
 from calibrary.calib.verdict import BoardVerdict
-from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance, SourceFile
+from calibrary.calibration import Calibration, CameraKey, Grade, SourceFile
 from calibrary.errors import CalibraryError, InputError
+from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.calibrate.report import Asked, report_of
 from calibrary.jobs.diff.comparison import compare
-from calibrary.jobs.extract.judging import validation_context
 from calibrary.jobs.onboard.payload import FRAME, PayloadCamera, sha256_of
 from calibrary.jobs.onboard.report import Agreement, Estimate, ImageSolve, Kind, RelatedEntry, UsedFile
-from calibrary.jobs.weigh import (
-    EXIF,
-    MEASURED,
-    Contradiction,
-    Source,
-    Weighed,
-    known_tolerance,
-    limit_between,
-    of_tags,
-    weigh,
-)
+from calibrary.jobs.survey import Against, Claim, Survey, Weighed, Who, of_entry, of_file, of_images
+from calibrary.jobs.survey.placing import Placed, Settled
+from calibrary.jobs.survey.relating import gap, limit_between
+from calibrary.jobs.survey.words import CONTRADICTED, edited
+from calibrary.jobs.weigh import EXIF, known_tolerance
 from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.registry.entry import Entry
@@ -42,10 +36,8 @@ from calibrary.registry.paths import folder_of, id_of
 from calibrary.registry.resolution import Resolution
 from calibrary.registry.snapshot import Snapshot
 from calibrary.strictyaml import YamlValue
-from calibrary.validation import Expected, NamedFocal, Report, ValidationContext, Verdict, validate
+from calibrary.validation import Finding, Severity
 
-JUDGED: Final = MEASURED | {Grade.DESIGN}
-"""Grades of K that are precise enough for a difference between two of them to be relevant."""
 SIGMAS: Final = 3.0
 MOST_RELATIVES: Final = 12
 MOST_READ: Final = 400
@@ -57,8 +49,8 @@ def estimates(
     flight: ImageSolve | None,
     current: Resolution | None,
     policy: Policy,
-) -> tuple[Estimate, ...]:
-    """Collect all estimates, the one to propose first.
+) -> tuple[Survey, tuple[Estimate, ...]]:
+    """Weigh all that states a K for a camera: the survey, and what is of its images' size, the one to propose first.
 
     Args:
         camera: the camera.
@@ -67,105 +59,94 @@ def estimates(
         current: the registry's entry for it.
         policy: with the tolerances.
     """
-    heard = [
-        *_of_board(board),
-        *_of_flight(flight),
-        *_of_files(camera, policy),
-        *_of_tags(camera, policy),
-        *_of_registry(current, policy),
-        *_of_catalogue(camera, policy),
-    ]
-    return tuple(sorted(heard, key=lambda one: (one.rank is None, one.rank or ())))
+    judged = camera.judged
+    claims: dict[Kind, tuple[Claim, ...]] = {
+        Kind.BOARD: _of_solve(board, Who.BOARD),
+        Kind.FLIGHT: _of_solve(flight, Who.FLIGHT),
+        Kind.FILE: tuple(
+            of_file(file.name, file.calibration, policy.source_agreement) for file in camera.files
+        ),
+        Kind.TAGS: tuple(of_images(judged.evidence, camera.key, policy)) if judged is not None else (),
+        Kind.REGISTRY: (of_entry(current, policy),) if current is not None else (),
+    }
+    metadata = judged.states[0].metadata if judged is not None else ImageMetadata(size=camera.size)
+    # A file for a start only, such as the profile of a kind of lens, is no witness.
+    witnesses = [one for kind in claims.values() for one in kind if not _is_start(one)]
+    survey = Survey(metadata, witnesses, policy)
+    starts = Survey(metadata, [one for one in claims[Kind.FILE] if _is_start(one)], policy)
+    kinds = {id(one): kind for kind, own in claims.items() for one in own}
+    heard = [_estimate(kinds[id(one.claim)], one, camera, survey) for one in (*survey.placed, *starts.placed)]
+    return survey, tuple(sorted(heard, key=lambda one: (one.rank is None, one.rank or ())))
 
 
-def _stated(kind: Kind, source: Source, rank: tuple[int, ...] | None = None) -> Estimate:
-    K = source.calibration
+def _estimate(kind: Kind, one: Placed, camera: PayloadCamera, survey: Survey) -> Estimate:
+    calibration, claim, judged = one.calibration, one.claim, camera.judged
+    rank: tuple[int, ...] | None = (calibration.grade.rank, [*Kind].index(kind))
+    made: Calibration | None = calibration
+    if kind is Kind.TAGS:
+        chosen = judged.evidence.chosen if judged is not None else None
+        made = judged.calibration if judged and chosen and claim.name == chosen.tag else None
+    elif kind is Kind.FILE and (_is_start(claim) or _is_computed(survey.weigh(claim))):
+        made = None
+    elif kind in {Kind.BOARD, Kind.FLIGHT} and calibration.shortfall is not None:
+        # A provisional solve comes last among the measurements of this unit.
+        rank = (calibration.grade.rank, len(Kind))
+    if kind is Kind.REGISTRY or made is None or one.settled is Settled.AMBIGUOUS:
+        rank = None
+    is_catalogue = claim.who is Who.CATALOGUE
     return Estimate(
-        kind=kind,
-        name=source.name,
-        grade=K.grade,
-        intrinsics=K.intrinsics,
-        measured_centre=source.is_measured,
-        calibration=K,
-        rank=rank,
-        source=source,
-    )
-
-
-def _of_board(solve: ImageSolve | None) -> Iterator[Estimate]:
-    board = solve.result if solve is not None else None
-    if board is None or board.verdict is BoardVerdict.REFUSE:
-        return
-    passed = board.verdict is BoardVerdict.PASS
-    name = f"{len(board.rms_by_view)} frames of {board.observations.board}"
-    # A provisional solve ranks last among the measurements of this unit.
-    rank = (board.calibration.grade.rank, 0 if passed else 3)
-    yield _stated(Kind.BOARD, Source.measured(name, board.calibration), rank)
-
-
-def _of_flight(solve: ImageSolve | None) -> Iterator[Estimate]:
-    flight = solve.result if solve is not None else None
-    if flight is None or flight.verdict is BoardVerdict.REFUSE:
-        return
-    calibration, passed = flight.calibration, flight.verdict is BoardVerdict.PASS
-    std = calibration.quality.std.get("fx", 0.0) if calibration.quality is not None else 0.0
-    source = Source.measured(f"{len(flight.rms_by_view)} images of a flight", calibration)
-    source = replace(source, rounding=SIGMAS * std / calibration.intrinsics.fx)
-    # Within a grade, a calibration file and the camera's own calibration come first.
-    yield _stated(Kind.FLIGHT, source, (calibration.grade.rank, 3 if passed else 4))
-
-
-def _of_files(camera: PayloadCamera, policy: Policy) -> Iterator[Estimate]:
-    stated = of_tags(camera.judged.evidence, camera.key, policy) if camera.judged is not None else ()
-    nominal = [tag for tag in stated if not tag.is_measured]
-    for file in camera.files:
-        source = Source.measured(file.name, file.calibration)
-        if not source.is_measured:
-            source = replace(source, tolerance=policy.source_agreement, why="it was not measured")
-        grade, is_computed = file.calibration.grade, any(source.is_copy_of(tag) for tag in nominal)
-        yield _stated(Kind.FILE, source, (grade.rank, 1) if grade.is_metric and not is_computed else None)
-
-
-def _of_tags(camera: PayloadCamera, policy: Policy) -> Iterator[Estimate]:
-    if camera.judged is None:
-        return
-    chosen, made = camera.judged.evidence.chosen, camera.judged.calibration
-    for source in of_tags(camera.judged.evidence, camera.key, policy):
-        grade = source.calibration.grade
-        is_chosen = chosen is not None and source.name == chosen.tag and made is not None
-        estimate = _stated(Kind.TAGS, source, (grade.rank, 2) if is_chosen else None)
-        yield replace(estimate, calibration=made if is_chosen else None)
-
-
-def _of_registry(current: Resolution | None, policy: Policy) -> Iterator[Estimate]:
-    if current is not None:
-        yield _stated(Kind.REGISTRY, Source.of_entry(current, policy))
-
-
-def _of_catalogue(camera: PayloadCamera, policy: Policy) -> Iterator[Estimate]:
-    expected = _expected(camera)
-    if expected is None:
-        return
-    width, height = camera.size
-    K = Intrinsics(fx=expected.fx, fy=expected.fx, cx=width / 2, cy=height / 2, image_size=camera.size)
-    known = camera.judged.states[0].known.camera if camera.judged is not None else None
-    name = known.title if known is not None else "catalogue"
-    made = Calibration(
-        camera=camera.key,
-        intrinsics=K,
-        grade=Grade.DERIVED,
-        provenance=Provenance(kind="catalogue", tag=name),
-    )
-    source = Source(
-        name=name,
+        kind=Kind.CATALOGUE if is_catalogue else kind,
+        name=claim.name,
+        grade=None if is_catalogue else calibration.grade,
+        intrinsics=calibration.intrinsics,
+        measured_centre=claim.is_measured,
+        placed=one,
         calibration=made,
-        tolerance=max(known_tolerance(policy), expected.spread or 0.0),
-        why="the catalogue's focal length",
-        rests_on=frozenset({"catalogue"}),
-        # A focal length that EXIF states is in it as well, if the catalogue knows only the pixels.
-        voice=EXIF if expected.by_exif_focal else "catalogue",
+        rank=rank,
     )
-    yield replace(_stated(Kind.CATALOGUE, source), grade=None, calibration=None)
+
+
+def _of_solve(solve: ImageSolve | None, who: Who) -> tuple[Claim, ...]:
+    result = solve.result if solve is not None else None
+    if result is None or result.verdict is BoardVerdict.REFUSE:
+        return ()
+    K, count = result.calibration, len(result.rms_by_view)
+    std = K.quality.std.get("fx", 0.0) if K.quality is not None and who is Who.FLIGHT else 0.0
+    name = (
+        f"{count} images of a flight"
+        if who is Who.FLIGHT
+        else f"{count} frames of {result.observations.board}"
+    )
+    return (
+        Claim(
+            who=who,
+            name=name,
+            calibration=K,
+            rounding=SIGMAS * std / K.intrinsics.fx,
+            is_framed=True,
+            is_measured=True,
+            rests_on=frozenset({name}),
+            voice=name,
+        ),
+    )
+
+
+def _placed(one: Estimate) -> Placed:
+    assert one.placed is not None  # noqa: S101  only a report that was read from JSON has none
+    return one.placed
+
+
+def _claim(one: Estimate) -> Claim:
+    return _placed(one).claim
+
+
+def _is_start(claim: Claim) -> bool:
+    return claim.who is Who.FILE and not claim.calibration.grade.is_metric
+
+
+def _is_computed(weighed: Weighed) -> bool:
+    """Whether a file has the numbers of a tag, which is then proposed itself."""
+    return any(not one.claim.is_measured for one in weighed.copies)
 
 
 def chosen_of(found: Sequence[Estimate]) -> Estimate | None:
@@ -174,7 +155,7 @@ def chosen_of(found: Sequence[Estimate]) -> Estimate | None:
 
 
 def compare_estimates(
-    found: tuple[Estimate, ...], camera: CameraKey, policy: Policy, trusted: Kind | None = None
+    survey: Survey, found: tuple[Estimate, ...], trusted: Kind | None = None
 ) -> tuple[tuple[Estimate, ...], str | None]:
     """Choose an estimate: the best that nothing contradicts which is believed; and compare the others with it.
 
@@ -182,177 +163,102 @@ def compare_estimates(
     one source against one is a dispute, which another source or ``trusted`` resolves.
 
     Args:
+        survey: of all that is heard.
         found: the one to propose first.
-        camera: key of the camera.
-        policy: limits above which a difference between two measurements matters.
         trusted: kind of source that the user trusts.
 
     Returns:
         The estimates with the result of the comparison; and the dispute, if there is one.
     """
-    able = [one for one in found if one.rank is not None and one.calibration is not None]
-    believed = [one for one in able if one.kind is trusted]
+    able = sorted((one for one in found if one.rank is not None), key=lambda one: one.kind is not trusted)
     if not able:
         return found, None
-    ranked = [
-        *believed,
-        *sorted((one for one in able if one not in believed), key=lambda one: one.rank or ()),
-    ]
-    weighed = {id(one): _weighed(one, found, camera, policy) for one in ranked}
-    # A lesser K is proposed only where the best one is shown wrong; otherwise the two are in dispute.
-    disproving = (
-        one
-        for one in ranked[1:]
-        if not _against(weighed[id(one)], policy)
-        and any(other.source is ranked[0].source for other in weighed[id(one)].disbelieved)
-    )
-    is_open = not believed and bool(_against(weighed[id(ranked[0])], policy))
-    first = next(disproving, ranked[0]) if is_open else ranked[0]
-    against = _against(weighed[id(first)], policy)
-    is_decided = bool(believed) or not against
+    weighed = {id(one): survey.weigh(_claim(one)) for one in able}
+    first = able[0]
+    is_decided = first.kind is trusted or not against(weighed[id(first)], survey.policy)
+    if not is_decided:
+        # A lesser K is proposed only where the best one is shown wrong; otherwise the two are in dispute.
+        for one in able[1:]:
+            shown_wrong = [other.one for other in weighed[id(one)].disbelieved]
+            if able[0].placed in shown_wrong and not against(weighed[id(one)], survey.policy):
+                first, is_decided = one, True
+                break
+    told = weighed[id(first)]
     marked = tuple(
         replace(one, chosen=True, disputed=not is_decided)
         if one is first
-        else _compared(first, one, weighed[id(first)], policy, is_decided=is_decided)
+        else _compared(first, one, told, survey.policy, is_decided=is_decided)
         for one in found
     )
-    return marked, None if is_decided else _dispute(first, against, weighed[id(first)])
+    return marked, None if is_decided else _dispute(first, told, survey.policy)
 
 
-def _weighed(one: Estimate, found: Sequence[Estimate], camera: CameraKey, policy: Policy) -> Weighed:
-    sources = [
-        other.source
-        for other in found
-        if other is not one and other.source is not None and not _is_start(other)
-    ]
-    assert one.source is not None  # noqa: S101  all estimates are made from sources
-    return weigh(one.source, sources, camera, policy)
-
-
-def _against(weighed: Weighed, policy: Policy) -> list[Contradiction]:
+def against(weighed: Weighed, policy: Policy) -> list[Against]:
     """What is believed against an estimate; a calibration of the same camera that moved is no dispute, but told."""
-    return [one for one in weighed.believed_against if not _is_near(one.source, weighed.source, policy)]
+    return [one for one in weighed.believed if not _may_have_moved(one.one, weighed.ways[0], policy)]
 
 
-def _is_near(one: Source, other: Source, policy: Policy) -> bool:
+def _may_have_moved(one: Placed, K: Placed, policy: Policy) -> bool:
     """Whether two measured calibrations may be of one camera that moved, or of two units of its model."""
-    if not (one.is_measured and other.is_measured):
-        return False
-    return abs(_gap(one, other)) <= max(known_tolerance(policy), one.rounding, other.rounding)
+    is_measured = one.claim.is_measured and K.claim.is_measured
+    return is_measured and abs(gap(one, K)) <= max(
+        known_tolerance(policy), one.claim.rounding, K.claim.rounding
+    )
 
 
 def _compared(
     first: Estimate, one: Estimate, weighed: Weighed, policy: Policy, *, is_decided: bool
 ) -> Estimate:
-    assert first.source is not None  # noqa: S101  all estimates are made from sources
-    assert one.source is not None  # noqa: S101  as above
-    if _is_start(one):
-        return replace(one, difference=_gap(first.source, one.source))
-    against = next((other for other in weighed.contradicted_by if other.source is one.source), None)
+    K, other = _placed(first), _placed(one)
+    if _is_start(other.claim):
+        return replace(one, difference=gap(other, K))
     agreement = Agreement.AGREES
-    if against is not None:
-        agreement = Agreement.DIFFERS if _is_near(one.source, first.source, policy) else Agreement.DISAGREES
-    elif _matters(first, one, policy):
+    if any(said.one is other for said in weighed.against):
+        agreement = Agreement.DIFFERS if _may_have_moved(other, K, policy) else Agreement.DISAGREES
+    elif one.kind is Kind.CATALOGUE and all(other is not near for near in weighed.confirmed_by):
+        # It may be right as far as a lens of the type may be off, and a map shows such a difference.
         agreement = Agreement.DIFFERS
     return replace(
         one,
-        difference=_gap(first.source, one.source),
-        limit=limit_between(first.source, one.source) or known_tolerance(policy),
+        difference=gap(other, K),
+        limit=limit_between(K.claim, other.claim) or known_tolerance(policy),
         agreement=agreement,
         agrees=agreement is Agreement.AGREES,
         overruled=is_decided and agreement is Agreement.DISAGREES,
+        is_copy=any(one.placed is copy for copy in weighed.copies),
     )
 
 
-def _is_start(one: Estimate) -> bool:
-    """Whether it is a file for a start only, such as the profile of a kind of lens, which is no witness."""
-    return one.kind is Kind.FILE and one.grade is not None and not one.grade.is_metric
-
-
-def _gap(chosen: Source, other: Source) -> float:
-    """Largest relative difference other − chosen of fx and fy, and of cx and cy ÷ width if both measured them."""
-    a, b = chosen.calibration.intrinsics, other.calibration.intrinsics
-    apart = [b.fx / a.fx - 1.0, b.fy / a.fy - 1.0]
-    if chosen.is_measured and other.is_measured:
-        apart += [(b.cx - a.cx) / a.image_size[0], (b.cy - a.cy) / a.image_size[0]]
-    return max(apart, key=abs)
-
-
-def _matters(chosen: Estimate, other: Estimate, policy: Policy) -> bool:
-    """Whether a maker's design value differs from a measured K by more than a map allows, by ``calibrary diff``."""
-    one, two = chosen.calibration, other.calibration
-    if (
-        one is None
-        or two is None
-        or not {one.grade, two.grade} <= JUDGED
-        or {one.grade, two.grade} <= MEASURED
-    ):
-        return False
-    try:
-        return compare(two, one, policy).alarm
-    except CalibraryError:
-        return True
-
-
-def _dispute(chosen: Estimate, against: Sequence[Contradiction], weighed: Weighed) -> str:
-    disagreeing = "; ".join(
-        f"{one.source.name} states fx = {one.source.fx:.1f} px, {one.difference:+.1%}" for one in against[:4]
-    )
-    confirmed = ", ".join(one.name for one in weighed.confirmed_by[:2])
+def _dispute(chosen: Estimate, weighed: Weighed, policy: Policy) -> str:
+    disagreeing = "; ".join(one.message for one in against(weighed, policy)[:4])
+    confirmed = ", ".join(one.claim.name for one in weighed.confirmed_by[:2])
     alone = f"only {confirmed} confirms it" if confirmed else "nothing confirms it"
     stated = f"{chosen.name} ({chosen.kind.value}) states fx = {chosen.intrinsics.fx:.1f} px"
     return f"{stated}; {disagreeing}; {alone}"
 
 
-def held_against(
-    found: Sequence[Estimate], chosen: Estimate, K: Calibration, camera: PayloadCamera, policy: Policy
-) -> Report:
-    """Validate the chosen K against the policy and the other estimates, without the overruled ones."""
-    judged = camera.judged
-    if chosen.kind is Kind.TAGS and judged is not None:
-        around = validation_context(
-            judged.evidence, judged.states[0].known, judged.states[0].original, spread=judged.spread
-        )
-        outvoted = {one.name for one in found if one.overruled}
-        others = tuple(other for other in around.others if other.name not in outvoted)
-        flights = _agreeing(found, {Kind.FLIGHT})
-        return validate(K, policy, replace(around, others=(*others, *flights)))
-    edits: tuple[str, ...] = ()
-    if judged is not None and chosen.kind is Kind.BOARD:
-        edits = tuple(f"the image was {done}" for done in judged.states[0].original.moved)
-    elif chosen.kind is Kind.FILE:
-        edits = tuple(one.doubt for one in camera.files if one.name == chosen.name and one.doubt is not None)
-    around = ValidationContext(
-        expected=_expected(camera),
-        others=_agreeing(found, {Kind.TAGS, Kind.FILE, Kind.FLIGHT}),
-        edits=edits,
-    )
-    return validate(K, policy, around)
+def held_against(survey: Survey, chosen: Estimate, camera: PayloadCamera) -> tuple[Finding, ...]:
+    """What speaks against the chosen K, the gravest first, without what is overruled."""
+    weighed, judged = survey.weigh(_claim(chosen)), camera.judged
+    found = [one for one in weighed.findings if one.rule != CONTRADICTED]
+    if judged is not None and chosen.kind is Kind.TAGS and judged.report is not None:
+        others = [one for one in weighed.confirmed_by if one.claim.who not in {Who.TAG, Who.CATALOGUE}]
+        found = found if others else [*judged.report.findings]
+    elif judged is not None and chosen.kind is Kind.BOARD:
+        moved = judged.states[0].original.moved
+        found += [edited(f"the image was {done}", survey.policy) for done in moved]
+    elif judged is not None and chosen.kind is Kind.FILE:
+        doubt = judged.doubt(_claim(chosen).calibration)
+        found += [edited(doubt, survey.policy)] if doubt is not None else []
+    return tuple(sorted(found, key=lambda one: -[*Severity].index(one.severity)))
 
 
-def _agreeing(found: Sequence[Estimate], kinds: Collection[Kind]) -> tuple[NamedFocal, ...]:
-    """The other estimates of these kinds that do not disagree."""
-    return tuple(
-        NamedFocal(name=one.name, fx=one.intrinsics.fx, tolerance=one.limit)
-        for one in found
-        if not one.chosen and one.agreement is not Agreement.DISAGREES and one.kind in kinds
-    )
-
-
-def _expected(camera: PayloadCamera) -> Expected | None:
-    """Expected fx from the catalogue."""
-    if camera.judged is None:
+def refused_by(findings: Sequence[Finding]) -> str | None:
+    """Reason why K is rejected or left unproven; None if it is valid."""
+    grave = next((one for one in findings if one.severity in {Severity.ERROR, Severity.UNPROVEN}), None)
+    if grave is None:
         return None
-    state = camera.judged.states[0]
-    return validation_context(camera.judged.evidence, state.known).expected
-
-
-def refused_by(report: Report) -> str | None:
-    """Reason why the policy rejects K or leaves it unproven; None if it is valid."""
-    if report.verdict is Verdict.VALID:
-        return None
-    failure = report.failures[0]
-    return f"{failure.message}{f'; {failure.remedy}' if failure.remedy else ''}"
+    return f"{grave.message}{f'; {grave.remedy}' if grave.remedy else ''}"
 
 
 def relatives(snapshot: Snapshot, entry: Entry, policy: Policy) -> tuple[RelatedEntry, ...]:
@@ -489,7 +395,7 @@ def _numbers(entry: Entry) -> list[float]:
 
 def _key(camera: PayloadCamera, found: Sequence[Estimate], serves: Serves) -> CameraKey:
     key = replace(camera.key, firmware=None)
-    of_exif = [one for one in found[1:] if one.source is not None and one.source.voice == EXIF]
+    of_exif = [one for one in found[1:] if _claim(one).voice == EXIF]
     confirmed = any(one.agreement is not Agreement.DISAGREES and one.grade in METRIC for one in of_exif)
     if not confirmed and any(one.overruled for one in of_exif):
         # A focal length that was overruled must not be part of the camera key.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -46,7 +46,7 @@ from calibrary.pages.wording import (
     sentence,
 )
 from calibrary.provenance import facts
-from calibrary.validation import Report, Verdict
+from calibrary.validation import Finding, Severity
 
 STANDINGS: Final = {
     "proposed": Tone.NEUTRAL,
@@ -102,7 +102,7 @@ def onboard_page(done: OnboardReport) -> Page:
     sections = []
     for one in done.cameras:
         solves += sum(solve is not None and solve.result is not None for solve in (one.board, one.flight))
-        sections.append(_camera(one, done.name_of(one.camera), whole=solves <= MOST_SOLVES))
+        sections.append(_camera(one, done, whole=solves <= MOST_SOLVES))
     return Page(
         title=f"New payload: {title}",
         badge=badge,
@@ -112,20 +112,20 @@ def onboard_page(done: OnboardReport) -> Page:
     )
 
 
-def _camera(one: CameraDecision, name: str, *, whole: bool) -> Section:
+def _camera(one: CameraDecision, done: OnboardReport, *, whole: bool) -> Section:
     blocks: list[Block] = [Note(text=sentence(one.reason), action=one.next, tone=DECISIONS[one.decision])]
     blocks += _estimates(one)
     if one.entry is not None:
         blocks += _entry(one.entry, one)
     blocks += _relatives(one.relatives)
-    blocks += _findings(one.report)
+    blocks += _findings(one.findings, done.policy)
     if one.board is not None:
         blocks += _solve(one.board, "frames of a board", whole=whole)
     if one.flight is not None:
         blocks += _solve(one.flight, "images of a flight", whole=whole)
     blocks.append(_sources(one))
     badge = Badge(one.decision.value, DECISIONS[one.decision])
-    return Section(title=name, badge=badge, blocks=tuple(blocks))
+    return Section(title=done.name_of(one.camera), badge=badge, blocks=tuple(blocks))
 
 
 def _estimates(one: CameraDecision) -> Iterator[Block]:
@@ -248,25 +248,19 @@ def _relatives(relatives: tuple[RelatedEntry, ...]) -> Iterator[Block]:
     )
 
 
-def _findings(report: Report | None) -> Iterator[Block]:
-    if report is None:
+def _findings(findings: Sequence[Finding], policy: str) -> Iterator[Block]:
+    if not findings:
         return
+    caption = f"K against the {policy} policy"
     table = Table(
-        caption=f"K against the {report.policy} policy",
+        caption=caption,
         columns=(Column("rule"), Column("result"), Column("what was found and expected")),
-        rows=tuple(
-            (f.rule, Badge(f.severity.value, SEVERITIES[f.severity]), f.message) for f in report.findings
-        ),
+        rows=tuple((f.rule, Badge(f.severity.value, SEVERITIES[f.severity]), f.message) for f in findings),
     )
-    if report.verdict is Verdict.UNPROVEN:
+    if findings[0].severity is Severity.UNPROVEN:
         yield UNPROVEN
-    yield (
-        table
-        if report.failures
-        else Details(
-            summary=f"K against the {report.policy} policy: {len(report.findings)} findings", blocks=(table,)
-        )
-    )
+    is_refused = findings[0].severity in {Severity.UNPROVEN, Severity.ERROR}
+    yield table if is_refused else Details(summary=f"{caption}: {len(findings)} findings", blocks=(table,))
 
 
 def _solve(solve: ImageSolve, what: str, *, whole: bool) -> Iterator[Block]:

@@ -13,12 +13,12 @@ from calibrary import parsers
 from calibrary.calib.board import Board
 from calibrary.calib.detection import shows_board
 from calibrary.calibration import Calibration, CameraKey, ImageSize
-from calibrary.errors import InputError, MissingSizeError, MissingTagError, UnknownFormatError
+from calibrary.errors import InputError, MissingSizeError, UnknownFormatError
 from calibrary.evidence.identity import firmware
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.evidence.originality import no_frame
+from calibrary.evidence.readings import readings
 from calibrary.extras import CALIBRATE, require
-from calibrary.image_size import same_aspect
 from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, group_cameras
 from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
@@ -197,14 +197,12 @@ class FileCalibration(Struct, frozen=True, kw_only=True):
     Attributes:
         name: of the file, relative to the payload's folder.
         sha256: of its bytes.
-        calibration: at the size of the camera's images.
-        doubt: why its K may not be of these images; None if nothing speaks against it.
+        calibration: at its own size.
     """
 
     name: str
     sha256: str
     calibration: Calibration
-    doubt: str | None = None
 
 
 class PayloadCamera(Struct, frozen=True, kw_only=True):
@@ -362,10 +360,6 @@ def _hand_out_files(
         try:
             calibrations = _read(path, size)
             sha256 = sha256_of(path)
-        except MissingTagError as error:
-            remedy = "" if "--image-size" in error.message else "; say --image-size WxH"
-            sorted_.skipped.append(SkippedFile(name=name, reason=f"{error.message}{remedy}"))
-            continue
         except InputError as error:
             sorted_.skipped.append(SkippedFile(name=name, reason=error.message))
             continue
@@ -379,7 +373,7 @@ def _read(path: Path, size: ImageSize | None) -> Sequence[Calibration]:
     """Read a calibration file; ``size`` is used only if the file states no image size."""
     try:
         return parsers.read(path, max_bytes=LARGEST_CALIBRATION)
-    except MissingTagError:
+    except MissingSizeError:
         if size is None:
             raise
         return parsers.read(path, image_size=size, max_bytes=LARGEST_CALIBRATION)
@@ -394,9 +388,7 @@ def _hand_out(
         fitting = same if len(same) == 1 else fitting
     if len(fitting) == 1:
         camera = sorted_.cameras[fitting[0]]
-        doubt = camera.judged.doubt(one.calibration) if camera.judged is not None else None
-        scaled = replace(one, calibration=one.calibration.scaled(camera.size), doubt=doubt)
-        sorted_.cameras[fitting[0]] = replace(camera, files=(*camera.files, scaled))
+        sorted_.cameras[fitting[0]] = replace(camera, files=(*camera.files, one))
         return
     key = replace(one.calibration.camera, image_size=one.calibration.intrinsics.image_size)
     if len(fitting) > 1:
@@ -425,10 +417,11 @@ def _hand_out(
 
 
 def _fits(calibration: Calibration, key: CameraKey) -> bool:
-    """Whether a file's camera can be this one: same sensor crop, and no other model, unit or sub-camera stated."""
-    if key.image_size is None or not same_aspect(calibration.intrinsics.image_size, key.image_size):
+    """Whether a file's camera can be this one: all of its frame, and no other model, unit or sub-camera stated."""
+    if key.image_size is None or foreign(calibration, key) is not None:
         return False
-    return foreign(calibration, key) is None
+    ways = readings(calibration.intrinsics, ImageMetadata(size=key.image_size))
+    return any(one.is_scaled or not one.steps for one in ways)
 
 
 def _is_sub_camera(calibration: Calibration, key: CameraKey) -> bool:

@@ -16,14 +16,14 @@ from calibrary.jobs.images.folders import SkippedFile
 from calibrary.records import Meta, Record
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.git.objects import ObjectId
-from calibrary.validation import Finding, Report
+from calibrary.validation import Finding
 
 if TYPE_CHECKING:
     from calibrary.calib.detection import Detections
     from calibrary.calib.result import CalibrationResult
-    from calibrary.jobs.weigh import Source
+    from calibrary.jobs.survey.placing import Placed
 else:
-    Detections = CalibrationResult = Source = (
+    Detections = CalibrationResult = Placed = (
         Any  # they have no JSON form, which the fields of a record are looked at for
     )
 
@@ -91,12 +91,13 @@ class Estimate(Record):
         agreement: in a word: agrees; differs by an amount relevant to a map but within the limit for two cameras of one
             model; or disagrees.
         overruled: whether it disagrees and is overruled, by the other sources or by the user.
-        source: the source that it is of, as it is weighed.
+        is_copy: whether it has the numbers of the chosen one.
+        placed: the claim that it is of, at the size of the camera's images.
         calibration: with distortion and quality, if the source is a complete calibration.
         rank: sort key, best first, of estimates that may become the entry; None for those that must not.
     """
 
-    _unwritten = frozenset({"source", "calibration", "rank"})
+    _unwritten = frozenset({"is_copy", "placed", "calibration", "rank"})
 
     kind: Kind
     name: str
@@ -110,7 +111,8 @@ class Estimate(Record):
     agrees: bool | None = None
     agreement: Agreement | None = None
     overruled: bool = False
-    source: Source | None = None
+    is_copy: bool = False
+    placed: Placed | None = None
     calibration: Calibration | None = None
     rank: tuple[int, ...] | None = None
 
@@ -245,16 +247,13 @@ class CameraDecision(Record):
         board: solve of its frames of a board; None if there are none.
         flight: solve of the images of its flight; None if not requested.
         hint: another estimate that could be had from the images; None if there is none.
-        findings: of the validation of K.
+        findings: what speaks against K, the gravest first.
         entry: the proposed entry; None if there is none.
         branch: for its draft; None if there is none to propose.
         check: findings of the registry check on the entry.
         relatives: entries of the same model.
         sources: all files that were used.
-        report: validation of the K.
     """
-
-    _unwritten = frozenset({"report"})
 
     camera: CameraKey
     decision: Decision
@@ -270,7 +269,6 @@ class CameraDecision(Record):
     check: tuple[Finding, ...] = ()
     relatives: tuple[RelatedEntry, ...] = ()
     sources: tuple[UsedFile, ...] = ()
-    report: Report | None = None
 
 
 class OnboardReport(Record, tag_field="schema", tag="calibrary/onboard-1"):

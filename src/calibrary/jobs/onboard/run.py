@@ -212,8 +212,8 @@ class Onboarding(Struct, frozen=True, kw_only=True):
         board = self._board(camera, square_mm) if camera.frames else None
         images = _flight_of(camera, payload)
         flight = self._flight(camera, images) if images and self.flight else None
-        found = estimates(camera, board, flight, self._current(camera), self.policy)
-        found, dispute = compare_estimates(found, camera.key, self.policy, self.trusted)
+        survey, found = estimates(camera, board, flight, self._current(camera), self.policy)
+        found, dispute = compare_estimates(survey, found, self.trusted)
         so_far = CameraDecision(
             camera=camera.key,
             decision=Decision.REFUSED,
@@ -234,9 +234,8 @@ class Onboarding(Struct, frozen=True, kw_only=True):
                 f"to believe: {_trusts(found)}"
             )
             return replace(so_far, reason=dispute, next=advice)
-        report = held_against(found, chosen, chosen.calibration, camera, self.policy)
-        so_far = replace(so_far, report=report, findings=report.findings)
-        refused = refused_by(report)
+        so_far = replace(so_far, findings=held_against(survey, chosen, camera))
+        refused = refused_by(so_far.findings)
         if refused is not None:
             return replace(
                 so_far, reason=refused, next="correct that, or calibrate the camera: calibrary calibrate"
@@ -438,7 +437,7 @@ def _why(
     told = f"its K is that of {chosen.name}, grade {grade}"
     # What was written from another source is no second one.
     for is_copy, verbs in ((True, ("has its numbers", "have its numbers")), (False, ("agrees", "agree"))):
-        names = [one.name for one in others if one.agrees and _is_copy(one, chosen) is is_copy]
+        names = [one.name for one in others if one.agrees and one.is_copy is is_copy]
         told += f"; {', '.join(names[:3])} {verbs[len(names) > 1]}" if names else ""
     differing = [
         f"{one.name} differs by {one.difference:+.2%}, which matters on a map"
@@ -454,10 +453,6 @@ def _why(
         better = "take better frames" if chosen.kind is Kind.BOARD else "fly what its findings ask for"
         told += f"; provisional: {better} before approving it"
     return told
-
-
-def _is_copy(one: Estimate, other: Estimate) -> bool:
-    return one.source is not None and other.source is not None and one.source.is_copy_of(other.source)
 
 
 def _no_k(camera: PayloadCamera, board: ImageSolve | None) -> tuple[str, str]:

@@ -48,6 +48,8 @@ class Who(StrEnum):
     CATALOGUE = "catalogue"
     ENTRY = "entry"
     FILE = "file"
+    BOARD = "board"
+    FLIGHT = "flight"
 
 
 class Claim(Struct, frozen=True, kw_only=True):

@@ -11,6 +11,7 @@ from calibrary.policy import Policy
 from calibrary.validation import EDITED, GIVE_FILES, Finding, Severity
 
 UNJUDGED_CENTRE: Final = "the principal point was not judged"
+CONTRADICTED: Final = "contradicted"
 REGISTER: Final = "calibrate this image size, and register it"
 
 
@@ -39,7 +40,7 @@ def said(K: Placed, one: Placed, limit: float, policy: Policy) -> str:
 def contradicted(K: Placed, one: Placed, message: str, limit: float) -> Finding:
     """A claim that is believed contradicts K."""
     return Finding(
-        rule="contradicted",
+        rule=CONTRADICTED,
         severity=Severity.UNPROVEN,
         measured=one.fx / K.fx - 1.0,
         limit=limit,
