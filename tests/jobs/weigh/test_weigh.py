@@ -1,12 +1,15 @@
-"""Weighing: what confirms, what contradicts, and which source is disbelieved by whom."""
+"""Weighing: what confirms, what contradicts, and which claim is disbelieved by whom."""
 
 from __future__ import annotations
 
 import pytest
 
 from calibrary import FLEET, Calibration, CameraKey, Grade, Intrinsics, Provenance
-from calibrary.jobs.weigh import NOMINAL, Source, Standing, foreign, model_of, weigh
+from calibrary.evidence.metadata import ImageMetadata
+from calibrary.jobs.survey import Claim, Survey, Weighed, Who
+from calibrary.jobs.weigh import NOMINAL, foreign, model_of
 from calibrary.records import replace
+from calibrary.validation import Severity
 
 SIZE = (4000, 3000)
 KEY = CameraKey(make="Example", model="One", focal_mm=24.0, image_size=SIZE)
@@ -14,79 +17,84 @@ KEY = CameraKey(make="Example", model="One", focal_mm=24.0, image_size=SIZE)
 
 def stated(
     name: str, fx: float, *, tolerance: float = 0.02, rests_on: str = "", measured: bool = False
-) -> Source:
+) -> Claim:
     calibration = Calibration(
         camera=KEY,
         intrinsics=Intrinsics(fx=fx, fy=fx, cx=2000.0, cy=1500.0, image_size=SIZE),
         grade=Grade.CALIBRATED if measured else Grade.DERIVED,
         provenance=Provenance(kind="test"),
     )
-    return Source(
+    return Claim(
+        who=Who.FILE if measured else Who.TAG,
         name=name,
         calibration=calibration,
         tolerance=0.0 if measured else tolerance,
         engraved=0.0 if measured else NOMINAL,
         is_measured=measured,
         rests_on=frozenset({rests_on or name}),
+        voice=name,
     )
 
 
 FILE = stated("camera.xml", 3000.0, measured=True)
 
 
+def weigh(claim: Claim, *others: Claim) -> Weighed:
+    return Survey(ImageMetadata(size=SIZE), [claim, *others], FLEET).weigh(claim)
+
+
+def standing(found: Weighed) -> str:
+    return "contradicted" if found.believed else "confirmed" if found.confirmed_by else "alone"
+
+
 @pytest.mark.parametrize(
-    ("fx", "standing"),
+    ("fx", "expected"),
     [
-        (3001.0, Standing.CONFIRMED),
-        (3089.0, Standing.CONFIRMED),  # 2.97 %
-        (3095.0, Standing.ALONE),  # 3.2 %: no witness, and no contradiction of a measured K before 5 %
-        (3149.0, Standing.ALONE),
-        (3155.0, Standing.CONTRADICTED),
+        (3001.0, "confirmed"),
+        (3089.0, "confirmed"),  # 2.97 %
+        (3095.0, "alone"),  # 3.2 %: no witness, and no contradiction of a measured K before 5 %
+        (3149.0, "alone"),
+        (3155.0, "contradicted"),
     ],
 )
-def test_a_nominal_source_confirms_within_3_per_cent_and_contradicts_beyond_5(
-    fx: float, standing: Standing
+def test_a_nominal_claim_confirms_within_3_per_cent_and_contradicts_beyond_5(
+    fx: float, expected: str
 ) -> None:
-    assert weigh(FILE, [stated("list", fx)], KEY, FLEET).standing is standing
+    assert standing(weigh(FILE, stated("list", fx))) == expected
 
 
-def test_two_nominal_sources_contradict_beyond_both_tolerances() -> None:
-    plane = stated("focal plane", 3000.0)
-    assert weigh(plane, [stated("list", 3115.0)], KEY, FLEET).standing is Standing.ALONE  # 3.8 % of 2 + 2 %
-    assert weigh(plane, [stated("list", 3125.0)], KEY, FLEET).standing is Standing.CONTRADICTED
+def test_two_nominal_claims_contradict_beyond_both_tolerances() -> None:
+    plane = stated("focal plane", 3000.0, tolerance=0.03)
+    assert standing(weigh(plane, stated("list", 3105.0, tolerance=0.03))) == "alone"  # 3.5 % of 4.2 %
+    assert standing(weigh(plane, stated("list", 3130.0, tolerance=0.03))) == "contradicted"
 
 
 def test_measured_calibrations_are_compared_in_pixels() -> None:
-    other = stated("entry", 3003.0, measured=True)  # 0.1 %: 2.5 px at the corner
-    found = weigh(FILE, [other], KEY, FLEET)
-    assert found.standing is Standing.CONTRADICTED
-    assert "projections differ" in (found.reason or "")
-    assert weigh(FILE, [stated("entry", 3000.1, measured=True)], KEY, FLEET).standing is Standing.CONFIRMED
+    found = weigh(FILE, stated("entry", 3003.0, measured=True))  # 0.1 %: 2.5 px at the corner
+    [against] = found.believed
+    assert "projections differ" in against.message
+    assert standing(weigh(FILE, stated("entry", 3000.1, measured=True))) == "confirmed"
 
 
-def test_a_source_is_disbelieved_by_the_k_and_an_independent_witness_that_are_named() -> None:
-    stale = stated("focal plane", 6000.0)
-    found = weigh(FILE, [stated("list", 2950.0), stale], KEY, FLEET)
-    assert found.standing is Standing.CONFIRMED
-    [against] = found.contradicted_by
-    assert (against.source, against.disbelieved_by) == (stale, ("camera.xml", "list"))
+def test_a_claim_is_disbelieved_by_the_k_and_an_independent_witness_that_are_named() -> None:
+    found = weigh(FILE, stated("list", 2950.0), stated("focal plane", 6000.0))
+    assert standing(found) == "confirmed"
+    [against] = found.disbelieved
+    assert (against.one.claim.name, against.shown_by) == ("focal plane", ("camera.xml", "list"))
 
 
 def test_a_witness_that_shares_an_input_is_none() -> None:
     found = weigh(
         stated("width by one list", 3000.0, rests_on="lists"),
-        [stated("width by another", 3000.0, rests_on="lists"), stated("focal plane", 6000.0)],
-        KEY,
-        FLEET,
+        stated("width by another", 3000.0, rests_on="lists"),
+        stated("focal plane", 6000.0),
     )
-    assert found.standing is Standing.CONTRADICTED
+    assert standing(found) == "contradicted"
 
 
-def test_nothing_is_disbelieved_by_which_an_independent_source_stands() -> None:
-    others = [stated("list", 2950.0), stated("focal plane", 6000.0), stated("equivalent", 6010.0)]
-    found = weigh(FILE, others, KEY, FLEET)
-    assert found.standing is Standing.CONTRADICTED
-    assert (found.reason or "").startswith("focal plane states fx = 6000.0 px, +100.0%")
+def test_nothing_is_disbelieved_by_which_an_independent_claim_stands() -> None:
+    found = weigh(FILE, stated("list", 2950.0), stated("focal plane", 6000.0), stated("equivalent", 6010.0))
+    assert found.believed[0].message.startswith("focal plane states fx = 6000.0 px, +100.0%")
 
 
 @pytest.mark.parametrize(
@@ -133,9 +141,9 @@ def test_opensfms_name_of_a_camera_states_its_model_where_it_knows_one(name: str
 
 
 def test_a_measured_k_with_the_very_numbers_of_a_tag_was_computed_until_another_tag_confirms_it() -> None:
-    file, tag = stated("camera.xml", 3000.0, measured=True), stated("EXIF", 3000.0)
-    found = weigh(file, [tag], KEY, FLEET)
-    assert (found.standing, found.copies) == (Standing.ALONE, (tag,))
-    assert found.computed == "its numbers are those of EXIF, so it was computed, and not measured"
-    assert weigh(file, [tag, stated("list", 3010.0)], KEY, FLEET).computed is None
-    assert weigh(file, [stated("EXIF", 3000.01)], KEY, FLEET).standing is Standing.CONFIRMED
+    tag = stated("EXIF", 3000.0)
+    found = weigh(FILE, tag)
+    assert ([one.claim for one in found.copies], found.computed) == ([tag], "EXIF")
+    assert [one.rule for one in found.findings if one.severity is Severity.UNPROVEN] == ["computed"]
+    assert weigh(FILE, tag, stated("list", 3010.0)).computed is None
+    assert standing(weigh(FILE, stated("EXIF", 3000.01))) == "confirmed"

@@ -18,7 +18,6 @@ from calibrary.jobs.diff.comparison import compare
 from calibrary.jobs.survey import Against, Claim, Survey, Weighed, of_entry, of_images
 from calibrary.jobs.survey.placing import Settled
 from calibrary.jobs.survey.relating import gap, limit_between
-from calibrary.jobs.survey.survey import OF_K_ALONE
 from calibrary.jobs.weigh import MEASURED, known_tolerance
 from calibrary.policy import Policy
 from calibrary.records import replace
@@ -27,7 +26,7 @@ from calibrary.registry.entry import Entry, Status
 from calibrary.registry.firmware import compare as compare_versions
 from calibrary.registry.paths import id_of
 from calibrary.registry.resolution import RegistryIndex, Resolution
-from calibrary.validation import GIVE_FILES, Finding, Severity
+from calibrary.validation import GIVE_FILES, RULES, Finding, Severity
 
 MOST_NEAR: Final = 3
 ENTRY: Final = "the entry"
@@ -211,7 +210,7 @@ def disagreements(answer: Answer, survey: Survey | None, policy: Policy) -> Iter
     yield from _firmware(answer, answer.resolution.entry)
     yield from _frame(answer, answer.resolution, weighed)
     for one in weighed.findings:
-        if one.rule in OF_K_ALONE and one.severity is not Severity.PASS:
+        if one.rule in RULES and one.severity is not Severity.PASS:
             yield _about(answer, Rule.UNLIKELY, Severity.ERROR, one.message, one.remedy)
     if weighed.settled is not Settled.AMBIGUOUS:
         yield from _contradictions(answer, answer.resolution, weighed, policy)

@@ -23,8 +23,8 @@ from calibrary.evidence.metadata import ImageMetadata
 from calibrary.evidence.readings import readings
 from calibrary.image_size import is_resized
 from calibrary.jobs.extract.cameras import Camera
-from calibrary.jobs.extract.judging import validation_context
 from calibrary.jobs.extract.knowledge import Knowledge
+from calibrary.jobs.extract.own import known_of
 from calibrary.jobs.survey import CATALOGUE, Claim, Survey, Weighed, Who, of_entry, of_file
 from calibrary.jobs.survey.words import edited
 from calibrary.jobs.weigh import MEASURED, foreign, model_of
@@ -157,9 +157,9 @@ def _known_focal(camera: Camera, policy: Policy) -> tuple[float, str] | None:
     """Focal length in px by the catalogue or the 35 mm equivalent; None if the source document requires its own."""
     if not policy.independent_sources_settle:
         return None
-    expected = validation_context(camera.evidence, camera.states[0].known).expected
-    if expected is not None:
-        return expected.fx, f"{expected.source} focal length"
+    known = known_of(camera.survey(policy))
+    if known is not None:
+        return known.fx, f"{'registry' if known.claim.who is Who.ENTRY else 'catalogue'} focal length"
     estimates = camera.evidence.estimates
     fx = next((one.intrinsics.fx for one in estimates if one.source is Source.FOCAL_35MM), None)
     return (fx, "35 mm equivalent by the diagonal") if fx is not None else None

@@ -12,16 +12,13 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics
+from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.catalogue.sensor_widths import listed_width
-from calibrary.errors import FrameError
-from calibrary.evidence.context import Scene, Source, SourceEstimate
-from calibrary.evidence.frame import RESIZED, adapt, files_frame
+from calibrary.evidence.context import Scene, SourceEstimate
 from calibrary.evidence.identity import firmware
 from calibrary.evidence.metadata import ImageMetadata
-from calibrary.evidence.optics import THERMAL, is_part
-from calibrary.evidence.originality import ORIGINAL, Originality, Pixels
-from calibrary.evidence.weighing import Cause, Evidence, disagreement, evidence_of
+from calibrary.evidence.originality import Pixels
+from calibrary.evidence.weighing import Evidence, disagreement, evidence_of
 from calibrary.jobs.extract.cameras import (
     DEFAULT_SENSOR_MM,
     Camera,
@@ -31,23 +28,14 @@ from calibrary.jobs.extract.cameras import (
     edits_of,
     group_cameras,
 )
-from calibrary.jobs.extract.knowledge import Knowledge, Known
+from calibrary.jobs.extract.knowledge import Knowledge
+from calibrary.jobs.extract.own import edits_of as own_edits
+from calibrary.jobs.extract.own import judged as judged_by
 from calibrary.jobs.images.accumulator import undated
-from calibrary.jobs.weigh import MEASURED, engraved
+from calibrary.jobs.weigh import MEASURED
 from calibrary.policy import Policy
 from calibrary.records import replace
-from calibrary.validation import (
-    EDITED,
-    Expected,
-    Finding,
-    NamedFocal,
-    Report,
-    Severity,
-    ValidationContext,
-    group_spread,
-    name_sensor,
-    validate,
-)
+from calibrary.validation import EDITED, Finding, Report, Severity, group_spread, name_sensor
 
 FAILS = frozenset({Severity.WARNING, Severity.UNPROVEN, Severity.ERROR})
 
@@ -175,7 +163,7 @@ def _camera(
             state=one[0],
             evidence=one[1],
             calibration=made,
-            report=validate(made, policy, _context_of(one, edited)),
+            report=judged_by(made, one[1], one[1], one[0].known, _edits(one, edited), policy),
         )
         if made is not None
         else _inheriting(one, reference, calibration, policy, edited)
@@ -197,27 +185,17 @@ def _own_calibration(key: CameraKey, state: State, evidence: Evidence) -> Calibr
     return evidence.calibration(key, source_name=state.names[0].rsplit("/", 1)[-1])
 
 
-def _context_of(one: Heard, edited: dict[str, str]) -> ValidationContext:
-    state, evidence = one
-    around = validation_context(evidence, state.known, state.original)
-    return replace(around, edits=tuple(edited.get(edit, edit) for edit in around.edits))
+def _edits(one: Heard, edited: dict[str, str]) -> tuple[str, ...]:
+    """What was done to images since the camera wrote them, with their number."""
+    return tuple(edited.get(edit, edit) for edit in own_edits(one[1], one[0].original))
 
 
 def _inheriting(
     one: Heard, reference: Heard, calibration: Calibration, policy: Policy, edited: dict[str, str]
 ) -> JudgedState:
-    """Judge a state of the same unit that lacks tags of others: their K, compared with this state's own sources."""
-    around, theirs = _context_of(one, edited), validation_context(reference[1], reference[0].known)
-    chosen = reference[1].chosen
-    around = replace(
-        around,
-        expected=around.expected or theirs.expected,
-        others=(*(named(estimate, chosen) for estimate in one[1].estimates), *theirs.others),
-        weighed=theirs.weighed,
-        sensor_assumed=theirs.sensor_assumed,
-        sensor_given=theirs.sensor_given,
-    )
-    report = validate(calibration, policy, around)
+    """Judge a state of the same unit that lacks tags of others: their K, compared with this state's own claims."""
+    known = one[0].known if one[0].known.resolution is not None else reference[0].known
+    report = judged_by(calibration, reference[1], one[1], known, _edits(one, edited), policy)
     return JudgedState(state=one[0], evidence=one[1], report=report, inherits=True)
 
 
@@ -420,100 +398,3 @@ def scene_of(state: State, sensor: Sensor, policy: Policy) -> Scene:
         fills=policy.independent_sources_settle,
         listed=listed_width(camera, state.metadata.make, state.metadata.model) if weighs else None,
     )
-
-
-def validation_context(
-    evidence: Evidence, known: Known, original: Originality = ORIGINAL, *, spread: float | None = None
-) -> ValidationContext:
-    """What validation compares the chosen estimate of one image with."""
-    chosen = evidence.chosen
-    metadata = evidence.scene.metadata
-    causes = {conflict.other: conflict.cause for conflict in evidence.conflicts}
-    return ValidationContext(
-        expected=_expected(evidence.scene, known, chosen),
-        others=tuple(
-            replace(
-                named(estimate, chosen),
-                cause=cause.value if (cause := causes.get(estimate)) is not None else None,
-                is_explained=cause in {Cause.DIGITAL_ZOOM, Cause.CROP},
-            )
-            for estimate in evidence.estimates
-            if estimate is not chosen
-        ),
-        focal_mm=metadata.focal_mm,
-        focal_35mm=metadata.focal_35mm,
-        weighed=evidence.scene.weighs,
-        sensor_assumed=chosen is not None and chosen.source is Source.ASSUMED_SENSOR,
-        sensor_given=chosen is not None and chosen.source is Source.GIVEN_SENSOR,
-        no_focal=_no_focal(evidence)
-        if chosen is not None and chosen.source is Source.CATALOGUE_DESIGN
-        else None,
-        zoom=evidence.scene.written.zoom,
-        edits=(*(f"the image was {done}" for done in original.done), *_assumed(evidence, original)),
-        spread=spread,
-    )
-
-
-def _no_focal(evidence: Evidence) -> str | None:
-    """Why the catalogue's lens is used, unconfirmed by the image; None if the camera writes no FocalLength."""
-    scene = evidence.scene
-    if not scene.fills or scene.focal_mm is not None:
-        return None
-    fault = scene.metadata.fault("EXIF FocalLength")
-    if fault is not None:
-        return f"EXIF FocalLength is {fault.found}, expected {fault.expected}"
-    if scene.metadata.focal_mm is not None:
-        return f"EXIF FocalLength is {scene.metadata.focal_mm:g} mm, and this camera is known to write a wrong one"
-    is_thermal = scene.known is not None and scene.known.sub_camera == THERMAL
-    return None if is_thermal else "EXIF has no FocalLength"
-
-
-def _assumed(evidence: Evidence, original: Originality) -> Iterator[str]:
-    """What the chosen estimate assumes of the frame, if nothing else in the image tells of it.
-
-    A sensor width and a 35 mm equivalent both refer to the full frame, so they agree for a centred crop as well.
-    """
-    chosen = evidence.chosen
-    is_told = original.done or evidence.scene.metadata.whole_frame is True
-    if evidence.scene.weighs and chosen is not None and RESIZED in chosen.assumptions and not is_told:
-        yield "the image was resized, or cropped to the same proportions: its focal plane tags are of another size"
-
-
-def named(estimate: SourceEstimate, chosen: SourceEstimate | None) -> NamedFocal:
-    """The focal length of an estimate, with what is needed to compare it with the chosen one."""
-    return NamedFocal(
-        name=estimate.tag,
-        fx=estimate.intrinsics.fx,
-        tolerance=estimate.tolerance,
-        independent=chosen is None or estimate.is_independent_of(chosen),
-        confirms_within=estimate.confirms_within(chosen) if chosen is not None else None,
-    )
-
-
-def _expected(scene: Scene, known: Known, chosen: SourceEstimate | None) -> Expected | None:
-    """The known camera's fx at the file's image size; None if unknown."""
-    if known.resolution is not None:
-        return Expected(
-            fx=known.resolution.calibration.intrinsics.fx,
-            tolerance=known.resolution.entry.tolerance,
-            spread=None if chosen is None or chosen.grade in MEASURED else engraved(chosen),
-            source="registry",
-            entry=known.resolution.path,
-        )
-    camera, metadata = known.camera, scene.written
-    if camera is None:
-        return None
-    focal_mm = camera.focal_mm if scene.fills and scene.focal_mm is None else metadata.focal_mm
-    over_width = camera.fx_over_w_at(focal_mm)
-    if over_width is None or camera.native_size is None:
-        return None
-    width, height = camera.native_size
-    focal = over_width * width
-    if is_part(scene, focal, camera.native_size):
-        width, height = files_frame(metadata)
-    native = Intrinsics(fx=focal, fy=focal, cx=width / 2, cy=height / 2, image_size=(width, height))
-    try:
-        fx = adapt(native, metadata).intrinsics.fx
-    except FrameError:
-        return None
-    return Expected(fx=fx, spread=camera.spread, source="catalogue", by_exif_focal=camera.fx_over_w is None)

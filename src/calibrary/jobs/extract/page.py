@@ -12,8 +12,9 @@ from calibrary.jobs.extract.cameras import StateDocument
 from calibrary.jobs.extract.extraction import JudgedCamera
 from calibrary.jobs.extract.fallback import Fallback
 from calibrary.jobs.extract.hand_off import seed_command
-from calibrary.jobs.extract.judging import validation_context
+from calibrary.jobs.extract.own import known_of
 from calibrary.jobs.extract.report import ExtractReport
+from calibrary.jobs.survey import Who
 from calibrary.pages import (
     Badge,
     Block,
@@ -343,12 +344,11 @@ def _pixels(check: PixelCheck) -> Iterator[Block]:
 
 
 def _band(camera: JudgedCamera, policy: Policy) -> Band | None:
-    evidence = camera.camera.evidence
-    state = next((s for s in camera.camera.states if s.metadata == evidence.scene.metadata), None)
-    expected = validation_context(evidence, state.known).expected if state is not None else None
-    if policy.known_camera_tolerance is not None and expected is not None:
-        share = max(policy.known_camera_tolerance, expected.spread or 0.0)
-        return Band(expected.fx * (1 - share), expected.fx * (1 + share), f"the {expected.source}")
+    evidence, known = camera.camera.evidence, known_of(camera.camera.survey(policy))
+    if policy.known_camera_tolerance is not None and known is not None:
+        share = max(policy.known_camera_tolerance, known.claim.tolerance)
+        who = "registry" if known.claim.who is Who.ENTRY else "catalogue"
+        return Band(known.fx * (1 - share), known.fx * (1 + share), f"the {who}")
     width = evidence.scene.metadata.size[0]
     low, high = policy.focal_over_width
     return Band(low * width, high * width, f"the {policy.name} policy's band")

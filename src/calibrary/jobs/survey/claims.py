@@ -92,29 +92,36 @@ def of_images(evidence: Evidence, camera: CameraKey, policy: Policy) -> tuple[Cl
 
 
 def of_tags(evidence: Evidence, camera: CameraKey, policy: Policy) -> Iterator[Claim]:
-    """What the tags of an image state; an assumed sensor size is no statement, nor one that contradicts itself."""
+    """What the tags of an image state."""
+    return (of_tag(one, evidence, camera, policy) for one in evidence.estimates if is_statement(one))
+
+
+def is_statement(one: SourceEstimate) -> bool:
+    """Whether a tag states something: an assumed sensor size does not, nor one that contradicts itself."""
+    return one.source is not Tag.ASSUMED_SENSOR and abs(one.intrinsics.fx / one.intrinsics.fy - 1.0) <= SQUARE
+
+
+def of_tag(one: SourceEstimate, evidence: Evidence, camera: CameraKey, policy: Policy) -> Claim:
+    """What a tag of an image states."""
     known, usual = evidence.scene.known, known_tolerance(policy)
-    for one in evidence.estimates:
-        if one.source is Tag.ASSUMED_SENSOR or abs(one.intrinsics.fx / one.intrinsics.fy - 1.0) > SQUARE:
-            continue
-        tolerance = TOLERANCES.get(one.source, (0.0, ""))[0]
-        if one.source in OF_KNOWN:
-            tolerance = max(usual, known.spread or 0.0) if known is not None else usual
-        is_measured = one.grade in MEASURED
-        yield Claim(
-            who=Who.TAG,
-            name=one.tag,
-            calibration=_of_tag(one, camera, is_zoomed=evidence.scene.written.zoom > 1.0),
-            is_whole=one.source in OF_WHOLE_FRAME and evidence.scene.native_size is None,
-            is_framed=is_measured or one.source in {Tag.FOCAL_PLANE, Tag.FIELD_OF_VIEW},
-            is_kept=one.source is Tag.FOCAL_PLANE,
-            tolerance=tolerance + min(known_to_be_off(one.source, evidence), OTHER_FOCAL),
-            rounding=one.tolerance,
-            engraved=engraved(one),
-            is_measured=is_measured,
-            rests_on=one.rests_on,
-            voice=one.tag if one.source.rank < Tag.GIVEN_SENSOR.rank else EXIF,
-        )
+    tolerance = TOLERANCES.get(one.source, 0.0)
+    if one.source in OF_KNOWN:
+        tolerance = max(usual, known.spread or 0.0) if known is not None else usual
+    is_measured = one.grade in MEASURED
+    return Claim(
+        who=Who.TAG,
+        name=one.tag,
+        calibration=_of_tag(one, camera, is_zoomed=evidence.scene.written.zoom > 1.0),
+        is_whole=one.source in OF_WHOLE_FRAME and evidence.scene.native_size is None,
+        is_framed=is_measured or one.source in {Tag.FOCAL_PLANE, Tag.FIELD_OF_VIEW},
+        is_kept=one.source is Tag.FOCAL_PLANE,
+        tolerance=tolerance + min(known_to_be_off(one.source, evidence), OTHER_FOCAL),
+        rounding=one.tolerance,
+        engraved=engraved(one),
+        is_measured=is_measured,
+        rests_on=one.rests_on,
+        voice=one.tag if one.source.rank < Tag.GIVEN_SENSOR.rank else EXIF,
+    )
 
 
 def of_catalogue(evidence: Evidence, camera: CameraKey, policy: Policy) -> Iterator[Claim]:

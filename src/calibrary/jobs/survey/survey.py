@@ -21,14 +21,7 @@ from calibrary.jobs.weigh.use import Allowed, Use, allowed
 from calibrary.policy import Policy
 from calibrary.quality import Quality
 from calibrary.records import replace
-from calibrary.validation import EDITED, Finding, Severity, Verdict, validate
-
-OF_K_ALONE: Final = frozenset(
-    {"focal-symmetry", "principal-point-drift", "zero-skew", "distortion-monotonic"}
-)
-"""Rules that ask of nothing but K."""
-BAND: Final = "focal-plausibility"
-"""The rule of what lenses in general have, for a K that nothing confirms."""
+from calibrary.validation import EDITED, PLAUSIBLE, Finding, Severity, Verdict, validate
 
 
 class Against(Struct, frozen=True, kw_only=True):
@@ -204,7 +197,7 @@ class Survey:
     ) -> Iterator[Finding]:
         settles = self.policy.independent_sources_settle
         for one in validate(K.calibration, self.policy).findings:
-            if one.rule in OF_K_ALONE or (one.rule == BAND and not (settles and confirming)):
+            if one.rule != PLAUSIBLE or not (settles and confirming):
                 yield one
         if settles:
             yield from self._others(K, against, computed)
