@@ -91,6 +91,7 @@ def _calib_io_cameras(tree: Node, _context: ReadContext) -> Named:
 
 
 _REFERENCE = re.compile(r"cam\d+_calib")
+_SVO = re.compile(r"cam\d+")
 
 
 def _camodocal_cameras(tree: Node, context: ReadContext) -> Named:
@@ -242,8 +243,11 @@ def _slstudio_cameras(tree: Node, _context: ReadContext) -> Named:
 
 
 def _vikit_cameras(tree: Node, _context: ReadContext) -> Named:
-    if "cam_num" not in tree:
+    if "cam_model" in tree:
         yield None, tree
+        return
+    if "cam_num" not in tree:
+        yield from ((key, node) for key, node in tree.entries() if _SVO.fullmatch(key))
         return
     count = tree["cam_num"].whole()
     if not 1 <= count <= MOST_OF_VIKIT:
@@ -291,6 +295,7 @@ VIKIT_K = ("cam_fx|A11", "cam_fy|A22", "cam_cx|u0", "cam_cy|v0")
 VIKIT_POLYNOMIAL = Model(
     _even_polynomial, ("k2", "k3", "k4", "k5", "k6", "k7"), missing=0.0, K=(*VIKIT_K, "cam_skew|A12")
 )
+VIKIT_FOUR = ("cam_d0", "cam_d1", "cam_d2", "cam_d3")
 MAPLAB_LENS = ("distortion.parameters",)
 PLAIN = under("distortion_parameters", "k1 k2 p1 p2")
 VINS_K = under("projection_parameters", "fx fy cx cy")
@@ -965,30 +970,38 @@ In the format's own words::
 EquidistantCamera has k1 to k4 of cv2.fisheye. ATAN is the FOV model with cam_d0 its angle, and there cam_fx … cam_cy
 are fractions of the image's sides, counted from the corner of the first pixel. A coefficient that is left out is
 zero. PolynomialCamera, which FAST-LIVO2's FishPoly is as well, takes θ to θ(1 + k2·θ + k3·θ² + … + k7·θ⁶); it is read
-where k5, k6 and k7 are zero.
+where k5, k6 and k7 are zero. SVO Pro has ``cam0``, ``cam1`` … with these names in them, and calls the models
+PinholeNoDistortion, PinholeRadialTangential and PinholeEquidistant, whose k1 to k4 are cam_d0 to cam_d3.
 
 Sources: rpg_vikit as FAST-LIVO2 has it, ``vikit_ros/include/vikit/camera_loader.h`` and
-``vikit_common/src/{polynomial,atan}_camera.cpp``.
+``vikit_common/src/{polynomial,atan}_camera.cpp``; rpg_svo_pro_open, ``vikit_cameras/src/camera_factory.cpp``.
 """,
         suffixes=(".yaml", ".yml"),
         reference="https://github.com/xuankuzcr/rpg_vikit",
         syntaxes=YAML,
         convention=Convention(
             origin=Origin.PIXEL_CENTRE,
-            coefficients=("cam_d0", "cam_d1", "cam_d2", "cam_d3"),
+            coefficients=VIKIT_FOUR,
             remarks=(
                 "they are OpenCV's k1, k2, p1, p2; EquidistantCamera has k1 to k4 of cv2.fisheye",
                 "ATAN's K is in fractions of each side, from the outer corner of the top-left pixel",
             ),
         ),
-        marks=(Mark(("cam_model", "cam_width", "cam_fx")), Mark(("cam_num", "cam_0"), words=("cam_model:",))),
+        marks=(
+            Mark(("cam_model", "cam_width", "cam_fx")),
+            Mark(("cam_num", "cam_0"), words=("cam_model:",)),
+            Mark(("cam0",), inner=("cam_model", "cam_width", "cam_fx")),
+        ),
         cameras=_vikit_cameras,
         K=VIKIT_K,
         size=("cam_width|image_width", "cam_height|image_height"),
         model=("cam_model",),
         models={
-            "Pinhole": Model(lens, ("cam_d0", "cam_d1", "cam_d2", "cam_d3"), missing=0.0),
+            "Pinhole": Model(lens, VIKIT_FOUR, missing=0.0),
             "EquidistantCamera": Model(fisheye, FISHEYE4, missing=0.0),
+            "PinholeNoDistortion": Model(),
+            "PinholeRadialTangential": Model(lens, VIKIT_FOUR, missing=0.0),
+            "PinholeEquidistant": Model(fisheye, VIKIT_FOUR),
             "ATAN": Model(
                 field_of_view, ("cam_d0",), convention=Convention(unit=Unit.EACH_SIDE, origin=Origin.CORNER)
             ),

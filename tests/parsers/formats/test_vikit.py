@@ -54,6 +54,16 @@ def test_pinhole_has_opencvs_first_four() -> None:
     assert_projects_as_opencv(read(FILE), OPENCV, (-0.0931, 0.0947, -0.0080, 0.000081))
 
 
+@pytest.mark.parametrize(
+    ("model", "fisheye"), [("PinholeRadialTangential", False), ("PinholeEquidistant", True)]
+)
+def test_svo_pro_has_its_cameras_below_their_names(model: str, fisheye: bool) -> None:
+    body = "".join(f"  {line}\n" for line in FILE.replace("Pinhole", model).splitlines())
+    item = read(f"cam0:\n{body}")
+    assert_projects_as_opencv(item, OPENCV, (-0.0931, 0.0947, -0.0080, 0.000081), fisheye=fisheye)
+    assert item.intrinsics.image_size == (640, 512)
+
+
 def test_equidistant_is_opencvs_fisheye() -> None:
     text = FILE.replace("Pinhole", "EquidistantCamera")
     for index in range(4):
