@@ -42,7 +42,7 @@ from calibrary.calib.network import State
 from calibrary.calibration import Calibration
 from calibrary.distortion import KannalaBrandt
 from calibrary.errors import CalibrationError
-from calibrary.jobs.weigh.use import Use, allowed
+from calibrary.jobs.use import Use, allowed
 from calibrary.policy import FLEET
 from calibrary.records import replace
 from calibrary.rotations import rotation_matrix

@@ -48,7 +48,7 @@ from calibrary.distortion import BrownConrady
 from calibrary.errors import CalibrationError
 from calibrary.jobs.calibrate.run import Told
 from calibrary.jobs.calibrate_flight.run import FlightOptions, SolvedFlight, solve_images
-from calibrary.jobs.weigh.use import Use, allowed
+from calibrary.jobs.use import Use, allowed
 from calibrary.policy import FLEET
 from calibrary.records import replace
 from tests.sfm.flights import CAMERA, FISHEYE, Plan

@@ -37,6 +37,11 @@ class Grade(StrEnum):
         return self is not Grade.PRIOR and self is not Grade.SEED
 
     @property
+    def is_measured(self) -> bool:
+        """Whether K was measured on a camera, and not derived from what its maker states."""
+        return self is Grade.CALIBRATED or self is Grade.ADJUSTED
+
+    @property
     def meaning(self) -> str:
         """Explanation of the grade, for the legend of a report."""
         return GRADE_MEANINGS[self]

@@ -9,7 +9,7 @@ from calibrary.calib.estimation import estimate
 from calibrary.calib.geometry import near_corners, proven
 from calibrary.calib.projection_difference import Uncertainty, pixel_grid
 from calibrary.calib.verdict import AskedUse, BoardVerdict
-from calibrary.jobs.weigh.use import Use, allowed
+from calibrary.jobs.use import Use, allowed
 from calibrary.policy import FLEET
 from calibrary.quality import ImageCircle
 from calibrary.records import replace

@@ -18,7 +18,7 @@ from calibrary.distortion import (
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.extract import Program
 from calibrary.jobs.extract.hand_off import HandedCamera, hand_off
-from calibrary.jobs.weigh.use import Allowed, Use
+from calibrary.jobs.use import Allowed, Use
 from calibrary.records import replace
 
 SIZE = (5472, 3648)

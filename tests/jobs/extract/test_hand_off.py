@@ -26,7 +26,7 @@ from calibrary.evidence.metadata import FocalPlaneUnit
 from calibrary.jobs.extract import Program
 from calibrary.jobs.extract.hand_off import TARGETS, hand_off, nearest, seed_command
 from calibrary.jobs.extract.outputs import plan
-from calibrary.jobs.weigh.use import Use
+from calibrary.jobs.use import Use
 from calibrary.records import replace
 from tests.imagery import ExifTags, Namespace, XmpDescription, XmpPacket, attributes, write_jpeg
 from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, picture

@@ -13,7 +13,7 @@ from calibrary.distortion import BrownConrady, NoDistortion
 from calibrary.evidence.metadata import Encoding, ImageMetadata
 from calibrary.evidence.originality import Pixels
 from calibrary.jobs.extract.calibration_files import Rightness
-from calibrary.jobs.weigh.use import Use
+from calibrary.jobs.use import Use
 from calibrary.records import replace
 from calibrary.validation import Verdict
 from tests.evidence.scenes import p4_rtk, xmp

@@ -14,9 +14,9 @@ import calibrary
 from calibrary.calibration import Calibration, Grade
 from calibrary.cli.main import main
 from calibrary.distortion import BrownConrady
+from calibrary.jobs.use import Use
 from calibrary.jobs.verify import look as job
 from calibrary.jobs.verify.look import Look, look
-from calibrary.jobs.weigh.use import Use
 from calibrary.provenance import Provenance
 from calibrary.quality import Quality
 from calibrary.records import replace

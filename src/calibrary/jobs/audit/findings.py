@@ -16,9 +16,9 @@ from calibrary.jobs.audit.flights import Flown
 from calibrary.jobs.audit.report import FlownSource, Rule, Use
 from calibrary.jobs.diff.comparison import compare
 from calibrary.jobs.survey import Against, Claim, Survey, Weighed, of_entry, of_images
+from calibrary.jobs.survey.limits import known_tolerance
 from calibrary.jobs.survey.placing import Settled
 from calibrary.jobs.survey.relating import gap, limit_between
-from calibrary.jobs.weigh import MEASURED, known_tolerance
 from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.registry.configuration import Repeat
@@ -325,7 +325,7 @@ def unit_findings(answers: Sequence[Answer], policy: Policy) -> Iterator[Finding
         serial = answer.flown.key.serial
         own = answer.resolution is not None and answer.resolution.entry.calibration.camera.serial is not None
         measured = answer.flown.camera.calibration
-        if serial is None or own or measured is None or measured.grade not in MEASURED:
+        if serial is None or own or measured is None or not measured.grade.is_measured:
             continue
         key = replace(answer.flown.key, serial=None, firmware=None)
         groups.setdefault(key, {}).setdefault(serial, answer)
@@ -440,7 +440,7 @@ def age_finding(entry: Entry, today: date, rule: Repeat, *, has_flown: bool) -> 
         rule: when it is to be made again.
         has_flown: whether the flights contain images of its camera; if not, a stale calibration is only a note.
     """
-    if entry.calibration.grade not in MEASURED:
+    if not entry.calibration.grade.is_measured:
         return None
     id_, stated = id_of(entry.path), entry.calibration.provenance.date
     severity = Severity.WARNING if has_flown else Severity.NOTE
@@ -488,7 +488,7 @@ def _outdated(entry: Entry, rule: Repeat) -> str | None:
 
 def due_again(entry: Entry, months: int) -> date | None:
     """Return the day from which a measured calibration is stale; None if it was not measured, or its day is unknown."""
-    made = _day(entry.calibration.provenance.date) if entry.calibration.grade in MEASURED else None
+    made = _day(entry.calibration.provenance.date) if entry.calibration.grade.is_measured else None
     if made is None:
         return None
     years, month = divmod(made.year * 12 + made.month - 1 + months, 12)

@@ -25,8 +25,8 @@ from calibrary.jobs.extract.calibration_files import (
 )
 from calibrary.jobs.images.folders import walk
 from calibrary.jobs.survey import Weighed, of_file
+from calibrary.jobs.survey.limits import foreign
 from calibrary.jobs.survey.placing import Settled
-from calibrary.jobs.weigh import MEASURED, foreign
 from calibrary.parsers.files import is_image
 from calibrary.policy import Policy
 from calibrary.records import replace
@@ -200,7 +200,7 @@ def _statements_of_file(
         camera = used.entry.calibration.camera if used is not None else weighed.claim.calibration.camera
         yield Finding(
             rule=Rule.FILE,
-            severity=Severity.WARNING if grade in MEASURED else Severity.NOTE,
+            severity=Severity.WARNING if grade.is_measured else Severity.NOTE,
             camera=camera_words(answer.flown),
             place=id_,
             message=f"{file.label} among its images states another K, {grade.value}: {weighed.findings[0].message}",

@@ -51,7 +51,7 @@ from calibrary.jobs.site.camera_page import (
     steps,
 )
 from calibrary.jobs.site.folder import INDEX, Place
-from calibrary.jobs.weigh.use import Allowed, allowed
+from calibrary.jobs.use import Allowed, allowed
 from calibrary.known_camera import KnownCamera
 from calibrary.pages import (
     Badge,

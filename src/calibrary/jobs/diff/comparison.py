@@ -19,7 +19,7 @@ from calibrary.interop.notebook import html_table
 from calibrary.jobs.diff.causes import causes, other_camera
 from calibrary.jobs.diff.frames import check_units, common_frame
 from calibrary.jobs.diff.numbers import Ground, Numbers, Parameter, numbers_of, what_moved
-from calibrary.jobs.diff.uncertainty import MEASURED_GRADES, PRIORS, Basis, std_of
+from calibrary.jobs.diff.uncertainty import PRIORS, Basis, std_of
 from calibrary.jobs.diff.verdicts import ALARMING, ChangeVerdict, Kind, Structural, Use
 from calibrary.jobs.diff.wording import chance, listed, percent, pixels
 from calibrary.policy import FLEET, Policy
@@ -231,7 +231,7 @@ def compare(
         return _judged(sides, None, structural, (), altitude_m, str(error))
     structural = (*structural, *other_camera(a, b, numbers, structural))
     # A nominal focal length was never that of the lens: nothing moved.
-    measured = all(one.grade in MEASURED_GRADES for one in (a, b))
+    measured = all(one.grade.is_measured for one in (a, b))
     moved = what_moved(numbers) if measured and numbers.matters and not structural else None
     return _judged(sides, numbers, structural, frame.steps, altitude_m, moved=moved)
 
@@ -376,7 +376,7 @@ def _identity(numbers: Numbers) -> str:
 def _known(numbers: Numbers) -> tuple[str, ...]:
     """How well each side's focal length is known, if one is nominal: of that the grade is all that tells."""
     sides = {"A": numbers.a, "B": numbers.b}
-    if numbers.basis is Basis.COPY or all(one.grade in MEASURED_GRADES for one in sides.values()):
+    if numbers.basis is Basis.COPY or all(one.grade.is_measured for one in sides.values()):
         return ()
     within = {
         name: 2.0 * (std_of(one, "fx") / one.intrinsics.fx or PRIORS[one.grade].focal)
@@ -495,8 +495,8 @@ def _of_structure(cause: Structural, *, alarm: bool) -> tuple[Use, str]:
 
 def _of_field(a: Calibration, b: Calibration) -> tuple[Use, str]:
     """Advice for two fields of view at the same image size, which the image size cannot distinguish."""
-    if (a.grade in MEASURED_GRADES) is not (b.grade in MEASURED_GRADES):
-        use, one, other = (Use.A, a, b) if a.grade in MEASURED_GRADES else (Use.B, b, a)
+    if (a.grade.is_measured) is not (b.grade.is_measured):
+        use, one, other = (Use.A, a, b) if a.grade.is_measured else (Use.B, b, a)
         unmeasured = "B" if use is Use.A else "A"
         return use, (
             f"Use {use.value}, which is {one.grade.value} where the other is {other.grade.value}, for images of its "

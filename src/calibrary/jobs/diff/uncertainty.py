@@ -162,8 +162,6 @@ of one kind differ by this much."""
 USUAL_SIGMAS: Final = 2.6
 """Calibrations that differ by at most as many of their grades' typical standard deviations are no proof of a change."""
 
-MEASURED_GRADES: Final = frozenset({Grade.CALIBRATED, Grade.ADJUSTED})
-
 
 class Basis(StrEnum):
     """Basis of the uncertainty of a difference."""
@@ -211,7 +209,7 @@ def basis_of(a: Calibration, b: Calibration, spreads: tuple[Spread, Spread], com
     if common.is_one_measurement or not has_other_source(a, b):
         return Basis.NONE
     whole = not any(spread.silent for spread in spreads)
-    if any(measured) and whole and {a.grade, b.grade} <= MEASURED_GRADES:
+    if any(measured) and whole and a.grade.is_measured and b.grade.is_measured:
         return Basis.ONE
     return Basis.TYPICAL
 

@@ -35,7 +35,7 @@ from calibrary.jobs.extract.extraction import JudgedCamera
 from calibrary.jobs.extract.fallback import StepName, fits, may_be_part
 from calibrary.jobs.files import choose, read_file
 from calibrary.jobs.survey import Placed, Weighed, Who, limit_between, of_file
-from calibrary.jobs.weigh import NOMINAL, foreign
+from calibrary.jobs.survey.limits import NOMINAL, foreign
 from calibrary.parsers.format import Sure
 from calibrary.policy import Policy
 from calibrary.records import Meta, Record, replace

@@ -8,14 +8,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from calibrary.calibration import Calibration, CameraKey, Grade
+from calibrary.calibration import Calibration, CameraKey
 from calibrary.jobs.extract.cameras import Camera, StateDocument, states_of
 from calibrary.jobs.extract.fallback import Fallback
 from calibrary.validation import Report, Verdict
 
 if TYPE_CHECKING:
+    from calibrary.jobs.use import Allowed
     from calibrary.jobs.verify.look import Look
-    from calibrary.jobs.weigh.use import Allowed
     from calibrary.sfm.pixel_check import PixelCheck
 
 
@@ -93,7 +93,7 @@ class JudgedCamera:
     def uncalibrated(self) -> bool:
         """Whether principal point and distortion are defaults, not measured."""
         calibration = self.calibration
-        return calibration is None or calibration.grade not in {Grade.CALIBRATED, Grade.ADJUSTED}
+        return calibration is None or not calibration.grade.is_measured
 
     @property
     def reason(self) -> str | None:

@@ -26,9 +26,9 @@ from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.jobs.extract.own import known_of
 from calibrary.jobs.survey import CATALOGUE, Claim, Survey, Weighed, Who, of_entry, of_file
+from calibrary.jobs.survey.limits import foreign, model_of
 from calibrary.jobs.survey.words import edited
-from calibrary.jobs.weigh import MEASURED, foreign, model_of
-from calibrary.jobs.weigh.use import Allowed, allowed
+from calibrary.jobs.use import Allowed, allowed
 from calibrary.policy import Policy
 from calibrary.records import Record, replace
 from calibrary.registry.paths import id_of
@@ -263,7 +263,7 @@ def _from_files(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
             why += f" (found for {first_of(sizes)})"
         return _without(name, StepOutcome.NOT_THERE, why)
     # A file that an earlier run wrote for a solver says so; it is not a new measurement of this camera.
-    measured = [(source, c) for source, c in fitting if c.grade in {Grade.CALIBRATED, Grade.ADJUSTED}]
+    measured = [(source, c) for source, c in fitting if c.grade.is_measured]
     if not measured:
         source, calibration = fitting[0]
         why = (
@@ -335,13 +335,13 @@ def outranking(camera: Camera, policy: Policy, sources: Sources) -> Fallback | N
     source document.
     """
     own = camera.calibration
-    if not policy.independent_sources_settle or own is None or own.grade in MEASURED:
+    if not policy.independent_sources_settle or own is None or own.grade.is_measured:
         return None
     if isinstance(own.distortion, NoDistortion):
         return None  # The camera has removed the distortion that the entry describes.
     found, known = _from_registry(camera, policy, sources), camera.states[0].known.resolution
     calibration = found.calibration
-    if not found.is_valid or calibration is None or known is None or calibration.grade not in MEASURED:
+    if not found.is_valid or calibration is None or known is None or not calibration.grade.is_measured:
         return None
     apart = own.intrinsics.fx / calibration.intrinsics.fx - 1.0
     why = f"it was measured ({calibration.grade}), and {own.provenance.tag} of the images agrees to {abs(apart):.2%}"
@@ -362,7 +362,7 @@ def moved(camera: Camera, policy: Policy, root: Path) -> Camera:
     Of one unit that is drift, and either may be wrong; without serial numbers the two may be of two units.
     """
     own, known = camera.calibration, camera.states[0].known.resolution
-    if own is None or camera.report is None or own.grade not in MEASURED or known is None:
+    if own is None or camera.report is None or not own.grade.is_measured or known is None:
         return camera
     image = quote(str(root / camera.names[0]))
     entry, mine = of_entry(known, policy), of_file(own.provenance.tag or own.provenance.kind, own)

@@ -43,7 +43,7 @@ from calibrary.interop.colmap_database import DatabaseChange, change_of, read_da
 from calibrary.jobs.export.opensfm_names import odm_names, opensfm_names
 from calibrary.jobs.extract import Program
 from calibrary.jobs.images.places import is_url
-from calibrary.jobs.weigh.use import Allowed, Use
+from calibrary.jobs.use import Allowed, Use
 from calibrary.parsers.discovery import format_named
 from calibrary.parsers.fit import DEFAULT_MAX_ERROR_PX, adapt, compare, refit
 from calibrary.parsers.format import FREE_LENS, UNKNOWN_LENS, Fidelity, Fit, in_words

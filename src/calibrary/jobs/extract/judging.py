@@ -32,7 +32,6 @@ from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.jobs.extract.own import edits_of as own_edits
 from calibrary.jobs.extract.own import judged as judged_by
 from calibrary.jobs.images.accumulator import undated
-from calibrary.jobs.weigh import MEASURED
 from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.validation import EDITED, Finding, Report, Severity, group_spread, name_sensor
@@ -113,7 +112,7 @@ def _is_one_unit(key: CameraKey, states: Sequence[State]) -> bool:
     answers = [state.known.resolution for state in states]
     found = {(one.layer, one.path) if one is not None else None for one in answers}
     resolution = answers[0]
-    return len(found) == 1 and resolution is not None and resolution.calibration.grade in MEASURED
+    return len(found) == 1 and resolution is not None and resolution.calibration.grade.is_measured
 
 
 def _by_grade(heard: Sequence[Heard]) -> list[list[Heard]]:
@@ -271,7 +270,7 @@ def _changes(judged: Sequence[JudgedState], policy: Policy, *, one_unit: bool) -
     """
     groups: list[tuple[Calibration, list[JudgedState]]] = []
     for one in judged:
-        if one.calibration is None or one.calibration.grade not in MEASURED:
+        if one.calibration is None or not one.calibration.grade.is_measured:
             continue
         alike = next((states for made, states in groups if not _differ(made, one.calibration, policy)), None)
         if alike is None:

@@ -15,7 +15,6 @@ from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.images.accumulator import ByDay, Names
 from calibrary.jobs.images.listing import Listing
 from calibrary.jobs.images.reading import Question, here, read_images
-from calibrary.jobs.weigh import MEASURED
 from calibrary.known_camera import KnownCamera
 from calibrary.records import replace
 
@@ -162,7 +161,7 @@ class Knowledge:
         resolution = self.registry.resolve(key, on=self.on)
         near = self.registry.near(key, on=self.on) if resolution is None else ()
         proposed = self.registry.proposed_for(key, on=self.on)
-        if proposed is not None and proposed.calibration.grade not in MEASURED:
+        if proposed is not None and not proposed.calibration.grade.is_measured:
             proposed = None
         return replace(known, resolution=resolution, proposed=proposed, near=near)
 

@@ -22,9 +22,9 @@ from calibrary.evidence.weighing import Cause, Evidence
 from calibrary.jobs.extract.knowledge import Known
 from calibrary.jobs.survey import CATALOGUE, Placed, Survey, Weighed, Who, limit_between, of_entry
 from calibrary.jobs.survey.claims import Claim, is_statement, of_catalogue, of_tag
+from calibrary.jobs.survey.limits import known_tolerance
 from calibrary.jobs.survey.placing import Settled
 from calibrary.jobs.survey.words import edited
-from calibrary.jobs.weigh import known_tolerance
 from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.validation import (

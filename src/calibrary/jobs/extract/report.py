@@ -21,7 +21,7 @@ from calibrary.jobs.extract.extraction import JudgedCamera
 from calibrary.jobs.extract.fallback import Step
 from calibrary.jobs.extract.hand_off import TaskFolder, seed_command
 from calibrary.jobs.images.folders import SkippedFile
-from calibrary.jobs.weigh.use import Allowed
+from calibrary.jobs.use import Allowed
 from calibrary.policy import FLEET, Policy
 from calibrary.records import Json, Meta, Record, encoded
 from calibrary.sfm.pixel_check import PixelCheck

@@ -57,7 +57,7 @@ from calibrary.jobs.images.reading import (
     here,
     read_images,
 )
-from calibrary.jobs.weigh.use import Allowed, allowed
+from calibrary.jobs.use import Allowed, allowed
 from calibrary.policy import FLEET, Policy
 from calibrary.policy_file import policy_of
 from calibrary.progress import Progress, counted, log, stage

@@ -301,7 +301,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         >>> calibrary.open_registry("fleet").show("fc6310r").status
         <Status.APPROVED: 'approved'>
         """
-        from calibrary.jobs.weigh.use import allowed
+        from calibrary.jobs.use import allowed
         from calibrary.records import replace
         from calibrary.registry.entry import noted
         from calibrary.registry.fields import differences

@@ -381,7 +381,7 @@ def _from_entry(entry: Entry, said: Said) -> tuple[Entry, tuple[str, ...]]:
 
 def _of_another(calibration: Calibration, camera: CameraKey) -> Iterator[str]:
     """Warning on a file that names another camera than the one that it is added as."""
-    from calibrary.jobs.weigh import foreign  # noqa: PLC0415  most files name none
+    from calibrary.jobs.survey.limits import foreign  # noqa: PLC0415  most files name none
 
     another = foreign(calibration, replace(camera, sub_camera=None, serial=None))
     if another is not None:

@@ -21,7 +21,7 @@ from calibrary.catalogue.sensor_widths import sensor_width
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.evidence.readings import Prior, Reading, readings
 from calibrary.jobs.survey import Claim, Survey, Who
-from calibrary.jobs.weigh import MEASURED, NOMINAL, known_tolerance
+from calibrary.jobs.survey.limits import NOMINAL, known_tolerance
 from calibrary.known_camera import KnownCamera, match_key, normalise_sub_camera
 from calibrary.policy import Policy
 from calibrary.records import replace
@@ -102,7 +102,7 @@ def contradictions(
 
 
 def _in_registry(name: str, K: Calibration, granted: float | None, policy: Policy) -> Claim:
-    is_measured = K.grade in MEASURED
+    is_measured = K.grade.is_measured
     return Claim(
         who=Who.ENTRY,
         name=name,

@@ -24,10 +24,10 @@ from calibrary.jobs.diff.comparison import compare
 from calibrary.jobs.onboard.payload import FRAME, PayloadCamera, sha256_of
 from calibrary.jobs.onboard.report import Agreement, Estimate, ImageSolve, Kind, RelatedEntry, UsedFile
 from calibrary.jobs.survey import Against, Claim, Survey, Weighed, Who, of_entry, of_file, of_images
+from calibrary.jobs.survey.limits import EXIF, known_tolerance
 from calibrary.jobs.survey.placing import Placed, Settled
 from calibrary.jobs.survey.relating import gap, limit_between
 from calibrary.jobs.survey.words import CONTRADICTED, edited
-from calibrary.jobs.weigh import EXIF, known_tolerance
 from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.registry.entry import Entry

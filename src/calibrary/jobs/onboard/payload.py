@@ -26,7 +26,7 @@ from calibrary.jobs.images.accumulator import undated
 from calibrary.jobs.images.folders import SkippedFile, find_files
 from calibrary.jobs.images.reading import gather
 from calibrary.jobs.onboard.report import UsedFile
-from calibrary.jobs.weigh import foreign
+from calibrary.jobs.survey.limits import foreign
 from calibrary.known_camera import normalise_sub_camera
 from calibrary.parsers.files import is_image
 from calibrary.policy import Policy

@@ -59,7 +59,6 @@ from calibrary.jobs.onboard.report import (
     ProposedEntry,
     SortedFolder,
 )
-from calibrary.jobs.weigh import MEASURED
 from calibrary.policy import Policy
 from calibrary.progress import Progress, counted, labelled
 from calibrary.records import replace
@@ -192,7 +191,7 @@ class Onboarding(Struct, frozen=True, kw_only=True):
 
     def _serves(self, camera: PayloadCamera, chosen: Estimate) -> Serves:
         """Cameras that the entry applies to: nominal numbers to all units; for a measured K the user decides."""
-        if chosen.grade not in MEASURED or camera.key.serial is None:
+        if chosen.grade is None or not chosen.grade.is_measured or camera.key.serial is None:
             return Serves.MODEL
         if self.serves is not None:
             return self.serves
@@ -252,7 +251,8 @@ class Onboarding(Struct, frozen=True, kw_only=True):
         """Propose the entry of a camera without objections so far, and check it against the registry."""
         solved = {Kind.BOARD: so_far.board, Kind.FLIGHT: so_far.flight}.get(chosen.kind)
         result = solved.result if solved is not None else None
-        if self.serves is Serves.UNIT and chosen.grade in MEASURED and camera.key.serial is None:
+        is_measured = chosen.grade is not None and chosen.grade.is_measured
+        if self.serves is Serves.UNIT and is_measured and camera.key.serial is None:
             reason = "it is measured on one unit, and nothing in it states the serial number by which a unit is found"
             return replace(so_far, reason=reason, next="state it: --serial NUMBER, or --for model")
         serves = self._serves(camera, chosen)

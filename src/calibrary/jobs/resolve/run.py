@@ -16,7 +16,7 @@ from calibrary.errors import AmbiguousCameraError, InputError, UnknownCameraErro
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.interop.notebook import html_table
 from calibrary.jobs.layers import AskedLayer, Layer, LayerKind, Layers
-from calibrary.jobs.weigh.use import Allowed
+from calibrary.jobs.use import Allowed
 from calibrary.policy import FLEET, Policy
 from calibrary.records import Json, Record, from_json, replace
 from calibrary.registry.entry import Entry, Status

@@ -16,9 +16,8 @@ from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics
 from calibrary.evidence.context import Source as Tag
 from calibrary.evidence.context import SourceEstimate
 from calibrary.evidence.weighing import Evidence
-from calibrary.jobs.weigh import (
+from calibrary.jobs.survey.limits import (
     EXIF,
-    MEASURED,
     OF_KNOWN,
     OTHER_FOCAL,
     SQUARE,
@@ -107,7 +106,7 @@ def of_tag(one: SourceEstimate, evidence: Evidence, camera: CameraKey, policy: P
     tolerance = TOLERANCES.get(one.source, 0.0)
     if one.source in OF_KNOWN:
         tolerance = max(usual, known.spread or 0.0) if known is not None else usual
-    is_measured = one.grade in MEASURED
+    is_measured = one.grade.is_measured
     return Claim(
         who=Who.TAG,
         name=one.tag,
@@ -157,7 +156,7 @@ def of_entry(found: Resolution, policy: Policy, *, rests_on: str | None = None) 
         policy: with the tolerance of a known camera.
         rests_on: what it was made from; by default it is a source of its own.
     """
-    is_measured = found.entry.calibration.grade in MEASURED
+    is_measured = found.entry.calibration.grade.is_measured
     return Claim(
         who=Who.ENTRY,
         name=found.path,
@@ -172,7 +171,7 @@ def of_entry(found: Resolution, policy: Policy, *, rests_on: str | None = None) 
 
 def of_file(name: str, calibration: Calibration, tolerance: float = 0.0) -> Claim:
     """A calibration file, at the size at which it states its K; what is no measurement may be off by a tolerance."""
-    is_measured = calibration.grade in MEASURED
+    is_measured = calibration.grade.is_measured
     return Claim(
         who=Who.FILE,
         name=name,

@@ -14,8 +14,8 @@ from calibrary.calibration import Calibration
 from calibrary.errors import CalibraryError
 from calibrary.jobs.diff.common_numbers import K_NAMES, SAME, common_numbers
 from calibrary.jobs.survey.claims import Claim
+from calibrary.jobs.survey.limits import CONFIRMS, CONFIRMS_AT_MOST
 from calibrary.jobs.survey.placing import Placed
-from calibrary.jobs.weigh import CONFIRMS, CONFIRMS_AT_MOST
 from calibrary.policy import Policy
 from calibrary.records import replace
 

@@ -17,7 +17,7 @@ from calibrary.jobs.survey import words
 from calibrary.jobs.survey.claims import Claim
 from calibrary.jobs.survey.placing import Placed, Settled, place
 from calibrary.jobs.survey.relating import Relation, is_independent, limit_between, relate, relate_as_read
-from calibrary.jobs.weigh.use import Allowed, Use, allowed
+from calibrary.jobs.use import Allowed, Use, allowed
 from calibrary.policy import Policy
 from calibrary.quality import Quality
 from calibrary.records import replace

@@ -13,7 +13,7 @@ import re
 from collections.abc import Sequence
 from typing import Final
 
-from calibrary.calibration import Calibration, CameraKey, Grade
+from calibrary.calibration import Calibration, CameraKey
 from calibrary.evidence.context import Source as TagSource
 from calibrary.evidence.context import SourceEstimate
 from calibrary.evidence.optics import DIAGONAL_35MM
@@ -22,7 +22,6 @@ from calibrary.known_camera import SUB_CAMERAS, normalise_sub_camera
 from calibrary.policy import Policy
 from calibrary.registry.entry import USUAL_TOLERANCE
 
-MEASURED: Final = frozenset({Grade.CALIBRATED, Grade.ADJUSTED})
 CONFIRMS: Final = 0.03
 """Largest relative difference of two focal lengths that confirm each other, before the rounding of a tag."""
 CONFIRMS_AT_MOST: Final = 0.05
@@ -74,7 +73,7 @@ def known_tolerance(policy: Policy) -> float:
 
 def engraved(one: SourceEstimate) -> float:
     """Relative difference of a nominal focal length from a measured one that is usual, because it is as engraved."""
-    return 0.0 if one.source in OF_KNOWN or one.grade in MEASURED else NOMINAL
+    return 0.0 if one.source in OF_KNOWN or one.grade.is_measured else NOMINAL
 
 
 def foreign(calibration: Calibration, camera: CameraKey) -> str | None:

@@ -6,7 +6,7 @@ import pytest
 
 from calibrary import FLEET, Calibration, CameraKey, Grade, Intrinsics, Provenance, Quality, Verdict
 from calibrary.distortion import BrownConrady, NoDistortion
-from calibrary.jobs.weigh.use import Use, allowed
+from calibrary.jobs.use import Use, allowed
 from calibrary.quality import Covariance
 from calibrary.records import replace
 

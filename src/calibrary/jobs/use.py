@@ -11,15 +11,13 @@ from enum import StrEnum
 
 import numpy as np
 
-from calibrary.calibration import Calibration, Grade
+from calibrary.calibration import Calibration
 from calibrary.distortion import NoDistortion
 from calibrary.errors import CalibrationError
 from calibrary.policy import Policy
 from calibrary.probability import two_digits, whole_percent
 from calibrary.quality import Proven
 from calibrary.records import Record
-
-MEASURED = frozenset({Grade.CALIBRATED, Grade.ADJUSTED})
 
 
 class Use(StrEnum):
@@ -65,11 +63,11 @@ def allowed(
     if calibration.shortfall is not None:
         # However small its σ: what it failed may be what σ does not know of.
         return _short(calibration)
-    if isinstance(calibration.distortion, NoDistortion) and calibration.grade not in MEASURED:
+    if isinstance(calibration.distortion, NoDistortion) and not calibration.grade.is_measured:
         return Allowed(use=Use.START, why="it has no distortion, and the focal length was not measured")
     if calibration.distortion is None:
         return Allowed(use=Use.START, why="the distortion is unknown and starts from zero")
-    if calibration.grade not in MEASURED:
+    if not calibration.grade.is_measured:
         return Allowed(use=Use.START, why="focal length and distortion were not measured on this unit")
     quality = calibration.quality
     if quality is None or not (quality.covariance is not None or {"fx", "fy"} <= quality.std.keys()):

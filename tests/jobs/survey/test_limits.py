@@ -7,7 +7,7 @@ import pytest
 from calibrary import FLEET, Calibration, CameraKey, Grade, Intrinsics, Provenance
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.survey import Claim, Survey, Weighed, Who
-from calibrary.jobs.weigh import NOMINAL, foreign, model_of
+from calibrary.jobs.survey.limits import NOMINAL, foreign, model_of
 from calibrary.records import replace
 from calibrary.validation import Severity
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from calibrary.jobs.fleet import create_registry
-from tests.jobs.weigh.cases import AGAINST, FOR, TABLE, Answer, Case, Folder, cases
+from tests.jobs.survey.cases import AGAINST, FOR, TABLE, Answer, Case, Folder, cases
 from tests.registry.git.repositories import seclude
 
 
