@@ -383,6 +383,7 @@ FORMAT = Format(
     ),
     states=("date",),
     options=(PRINCIPAL_POINT, TANGENTIAL),
+    written_as=((PRINCIPAL_POINT.name, "offset"),),
 )
 
 
