@@ -122,12 +122,12 @@ class TestExitCodes:
     def test_4_when_the_registry_cannot_be_read(
         self, tmp_path: Path, extract: Extract, capsys: pytest.CaptureFixture[str]
     ) -> None:
-        picture(tmp_path / "input/a.jpg", **P4R)
+        picture(tmp_path / "input/a.jpg", make="DJI", model="FC6310R")
         assert extract("--registry", "nowhere") == 4
-        entry(tmp_path / "registry", "one")
-        entry(tmp_path / "registry", "two")
+        entry(tmp_path / "registry", focal_mm=8.8)
+        entry(tmp_path / "registry", focal_mm=24.0)
         assert extract("--registry", "folder:registry") == 4
-        assert "one.yaml" in capsys.readouterr().err
+        assert "5472x3648+f24.yaml" in capsys.readouterr().err
         assert left_in(tmp_path) == ["registry"]
 
 

@@ -85,7 +85,7 @@ CALIBRATED: list[tuple[str, Callable[[Path], Path], str, str]] = [
     ("its centre moved", as_xml(with_k(cx=2781.5)), "off", "at most over the frame"),
     ("a 35 mm equivalent", as_k(24.0 / 36.0 * 5472 * 2), "off", "off by 98.84 %"),
     ("of another sensor shape", as_xml(OTHER_SHAPE), "off", "for images of 4000×3000"),
-    ("of another camera by name", lambda folder: entry(folder, "other", model="FC330"), "off", "of FC330"),
+    ("of another camera by name", lambda folder: entry(folder, model="FC330"), "off", "of FC330"),
 ]
 """Against the calibration that the images carry."""
 

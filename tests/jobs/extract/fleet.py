@@ -18,6 +18,7 @@ from calibrary.jobs.extract.report import ExtractReport
 from calibrary.jobs.extract.run import run
 from calibrary.jobs.images.accumulator import undated
 from calibrary.policy import FLEET, Policy
+from calibrary.registry.entry_yaml import parse_entry
 from tests.evidence.scenes import M3T_THERMAL, M3T_WIDE, P4_RTK, PHANTOM_3, SKYDIO_2
 from tests.imagery import ExifTags, Namespace, XmpDescription, XmpPacket, attributes, write_jpeg
 from tests.imagery.jpeg import Segment
@@ -85,17 +86,18 @@ def files(registry: Path) -> Path:
     return Path(f"folder:{registry}")
 
 
-def entry(registry: Path, name: str, *, fx: float = 3661.25, **fields: Any) -> Path:
-    """A registry entry of a Phantom 4 RTK; ``fields`` with None are left out of its camera."""
+def entry(registry: Path, *, fx: float = 3661.25, **fields: Any) -> Path:
+    """A registry entry of a Phantom 4 RTK, at the path of its camera; ``fields`` with None are left out of it."""
     status = fields.pop("status", "approved")
     width, height = fields.pop("image_size", (5472, 3648))
     camera = {"make": "DJI", "model": "FC6310R"} | fields
     stated = "".join(f"  {key}: {value}\n" for key, value in camera.items() if value is not None)
-    path = registry / "cameras" / f"{name}.yaml"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(
+    text = (
         f"schema: calibrary/entry-1\nstatus: {status}\ncamera:\n{stated}  image_size: [{width}, {height}]\n"
         f"intrinsics: {{pixel_origin: corner, fx: {fx}, fy: {fx}, cx: {width / 2}, cy: {height / 2}}}\n"
         "distortion: {model: brown, k1: -0.26, k2: 0.11, p1: 0.0, p2: 0.0, k3: -0.03}\ngrade: calibrated\n"
     )
+    path = registry / parse_entry(text.encode(), "entry", require_digest=False).path
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text)
     return path

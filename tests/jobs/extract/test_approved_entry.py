@@ -23,7 +23,7 @@ CASES: list[tuple[str, float, dict[str, Any], Policy, float, str]] = [
     ("the policy of the source document", 3661.25, {}, SOURCE, DERIVED, "rejected"),
     ("the images carry a calibration", 3661.25, {"dewarp": DEWARP}, FLEET, 3660.5, "valid"),
     ("contradicting", 3900.0, {}, FLEET, DERIVED, "unproven"),
-    ("contradicting a calibration", 3900.0, {"dewarp": DEWARP}, FLEET, 3660.5, "unproven"),
+    ("contradicting a calibration and the catalogue", 3900.0, {"dewarp": DEWARP}, FLEET, 3660.5, "valid"),
     ("the camera removed the distortion", 3661.25, {"drone_dji:DewarpFlag": "1"}, FLEET, DERIVED, "valid"),
     ("a draft", 3661.25, {"status": "draft"}, FLEET, DERIVED, "valid"),
 ]
@@ -31,7 +31,7 @@ CASES: list[tuple[str, float, dict[str, Any], Policy, float, str]] = [
 
 def ran(folder: Path, fx: float, tags: dict[str, Any], policy: Policy = FLEET) -> JudgedCamera:
     tags = dict(tags)
-    entry(folder / "registry", "dji/unit", fx=fx, status=tags.pop("status", "approved"))
+    entry(folder / "registry", fx=fx, status=tags.pop("status", "approved"))
     for number in range(2):
         picture(folder / f"flight/{number}.jpg", **P4R, **tags)
     return only(gate(folder / "flight", registry=files(folder / "registry"), policy=policy))
@@ -80,7 +80,7 @@ def test_a_contradiction_names_both(tmp_path: Path) -> None:
     assert camera.verdict is Verdict.UNPROVEN
     reason = camera.reason or ""
     assert "by EXIF FocalLength ÷ catalogue pitch" in reason
-    assert "cameras/dji/unit.yaml" in reason
+    assert "cameras/dji/fc6310r/5472x3648.yaml" in reason
     assert "3900.0 px" in reason
     assert "--verify' asks the pixels" in (camera.advice or "")
     assert camera.fallback is not None
@@ -93,7 +93,8 @@ def test_a_contradiction_names_both(tmp_path: Path) -> None:
         (3661.25, None),
         (
             3900.0,
-            "beside EXIF FocalLength ÷ catalogue pitch of these images cameras/dji/unit.yaml states fx = 3900.0 px",
+            "beside EXIF FocalLength ÷ catalogue pitch of these images "
+            "cameras/dji/fc6310r/5472x3648.yaml states fx = 3900.0 px",
         ),
         (
             3745.0,
@@ -104,7 +105,7 @@ def test_a_contradiction_names_both(tmp_path: Path) -> None:
 def test_what_is_proposed_and_contradicts_the_k_in_use_is_reported(
     tmp_path: Path, fx: float, says: str | None
 ) -> None:
-    path = entry(tmp_path / "registry", "dji/unit", fx=fx, status="draft")
+    path = entry(tmp_path / "registry", fx=fx, status="draft")
     path.write_text(
         f"{path.read_text()}quality: {{std: {{fx: 15.0, fy: 15.0}}}}\n"
         'notes: ["provisional: not good enough to be kept fixed", "unstable: κ² is 5"]\n'
@@ -112,7 +113,11 @@ def test_what_is_proposed_and_contradicts_the_k_in_use_is_reported(
     picture(tmp_path / "flight/0.jpg", **P4R)
     report = gate(tmp_path / "flight", registry=files(tmp_path / "registry"))
     assert only(report).calibration is not None
-    found = [text for text in report.warnings if "dji/unit is proposed and not approved, so not used" in text]
+    found = [
+        text
+        for text in report.warnings
+        if "dji/fc6310r/5472x3648 is proposed and not approved, so not used" in text
+    ]
     assert len(found) == (says is not None)
     assert says is None or says in found[0]
 
@@ -139,10 +144,10 @@ def test_a_flight_hears_of_what_is_proposed_in_place_of_the_entries_that_it_uses
     tmp_path: Path, proposed: str, heard: bool
 ) -> None:
     registry = tmp_path / "registry"
-    entry(registry, P4R_IN_USE)
-    entry(registry, OTHER_SIZE, image_size=(4864, 3648))
-    entry(registry, OTHER_UNIT, serial="other")
-    entry(registry, OTHER_MODEL, model="FC330", image_size=(4000, 3000))
+    entry(registry)
+    entry(registry, image_size=(4864, 3648))
+    entry(registry, serial="other")
+    entry(registry, model="FC330", image_size=(4000, 3000))
     waits = registry / f"proposals/{proposed}.yaml"
     waits.parent.mkdir(parents=True)
     waits.write_text((registry / f"cameras/{proposed}.yaml").read_text().replace("approved", "draft"))
@@ -155,7 +160,7 @@ def test_a_flight_hears_of_what_is_proposed_in_place_of_the_entries_that_it_uses
 
 
 def test_without_a_k_what_is_proposed_is_where_a_solver_may_start(tmp_path: Path) -> None:
-    entry(tmp_path / "registry", "dji/unit", fx=3700.0, status="draft", make="Example", model="One")
+    entry(tmp_path / "registry", fx=3700.0, status="draft", make="Example", model="One")
     picture(tmp_path / "flight/0.jpg", make="Example", model="One")
     camera = only(gate(tmp_path / "flight", registry=files(tmp_path / "registry")))
     assert camera.calibration is None

@@ -88,7 +88,7 @@ class TestTheOrder:
     def test_a_file_beside_the_images_comes_second(self, tmp_path: Path) -> None:
         picture(tmp_path / "a.jpg", make="DJI", model="FC6310R")
         (tmp_path / "camera.xml").write_text(METASHAPE)
-        approved = entry(tmp_path / "registry", "a")
+        approved = entry(tmp_path / "registry")
         lens = "k1: 0.01, k2: 0.0, p1: 0.0, p2: 0.0, k3: 0.0}"
         approved.write_text(re.sub("k1: .*}", lens, approved.read_text()))
         camera = only(gate(tmp_path, registry=files(tmp_path / "registry")))
@@ -97,7 +97,7 @@ class TestTheOrder:
     def test_a_file_that_contradicts_the_approved_entry_does_not_displace_it(self, tmp_path: Path) -> None:
         picture(tmp_path / "a.jpg", make="DJI", model="FC6310R")
         (tmp_path / "camera.xml").write_text(METASHAPE.replace("3660.5", "3850.5"))
-        entry(tmp_path / "registry", "a")
+        entry(tmp_path / "registry")
         camera = only(gate(tmp_path, registry=files(tmp_path / "registry")))
         assert (camera.verdict, focal_px(camera)) == (Verdict.VALID, 3661.25)
         assert steps_of(camera)[1] == ("calibration-file", "refused")
@@ -105,7 +105,7 @@ class TestTheOrder:
 
     def test_a_seed_is_kept_aside_and_the_registry_comes_last(self, tmp_path: Path) -> None:
         picture(tmp_path / "a.jpg", make="DJI", model="FC6310R")
-        entry(tmp_path / "registry", "a")
+        entry(tmp_path / "registry")
         camera = only(gate(tmp_path, registry=files(tmp_path / "registry")))
         assert steps_of(camera) == [
             ("fallback-k", "not there"),

@@ -152,7 +152,7 @@ def test_a_k_measured_elsewhere_is_not_that_of_images_that_a_program_changed(
     folder, fleet = tmp_path / "flight", tmp_path / "fleet"
     picture(folder / "original/a.jpg", **P4R)
     picture(folder / "changed/a.jpg", **P4R, **change)
-    entry(fleet, "dji/fc6310r/5472x3648")
+    entry(fleet)
     for name in ("original", "changed"):
         write(UNIT, folder / name / "lens.xml", format="agisoft_xml")
     asked = {"registry": files(fleet)} if by == "entry" else {}

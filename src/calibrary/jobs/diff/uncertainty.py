@@ -159,7 +159,7 @@ BORROWED: Final = 1.5
 """Standard deviations assumed for a calibration that states none, as a multiple of the other's: calibration sessions
 of one kind differ by this much."""
 
-USUAL_SIGMAS: Final = 2.6
+USUAL_SIGMAS: Final = 4.0
 """Calibrations that differ by at most as many of their grades' typical standard deviations are no proof of a change."""
 
 
