@@ -87,7 +87,6 @@ def test_the_right_entry_of_an_unknown_camera_makes_no_tag_believed_that_is_not_
     alone = answered(capsys, "extract", "flight", "--dry-run")["cameras"][0]
     entry(
         tmp_path / "registry",
-        "canon/600d",
         fx=1322.0,
         make="Canon",
         model="Canon EOS 600D",

@@ -310,7 +310,8 @@ def _lock(fleet: Path, flight: Path, out: Path) -> dict[str, Answer]:
 
 def _publish(fleet: Path, _: Path, out: Path) -> dict[str, Answer]:
     Fleet(fleet).publish(out / "public", workers=1)
-    entries = [json.loads(file.read_text()) for file in (out / "public/entries").rglob("*.json")]
+    files = [json.loads(file.read_text()) for file in (out / "public/data").iterdir()]
+    entries = [row["entry"] for file in files for row in file.get("entries", ())]
     return {one["camera"]["model"]: one["intrinsics"]["fx"] for one in entries if one["status"] == "approved"}
 
 
