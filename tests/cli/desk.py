@@ -74,7 +74,7 @@ COMMANDS: dict[str, tuple[int, str]] = {
     "registry set --out new/u/fleet.csv": (0, ""),
     "registry set --table new/u/fleet.csv --yes": (0, "nothing to change"),
     "diff camera.xml later.xml --html new/d/diff.html": (1, "drift"),
-    "diff --since HEAD~7": (1, "dji/fc6310r/5472x3648"),
+    "diff --since HEAD~6": (1, "dji/fc6310r/5472x3648"),
     "inspect camera.xml": (0, "3660.5000"),
     "inspect survey/a.jpg --tags": (0, "FC6310R"),
     "convert camera.xml new/v/camera.yml --to opencv_storage": (0, "camera.yml"),

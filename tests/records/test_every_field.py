@@ -45,6 +45,8 @@ DOCUMENTS: Mapping[str, type[Record]] = {
     for name, path in [*SCRIPT["PRINTED"].items(), *SCRIPT["WRITTEN_BY_PEOPLE"].items()]
 }
 """Every document that has a schema file, by the schema's name."""
+WHOLE = sorted({*DOCUMENTS} - {"published-camera-2"})
+"""All but the one whose entries stay the bytes that were published; tests/registry/published reads those."""
 SLOW = settings(
     max_examples=examples(2),
     deadline=None,
@@ -53,7 +55,7 @@ SLOW = settings(
 )
 
 
-@pytest.mark.parametrize("name", DOCUMENTS)
+@pytest.mark.parametrize("name", WHOLE)
 @settings(SLOW, max_examples=examples(1))
 @given(data=st.data())
 def test_a_document_fits_its_schema_file_and_comes_back_from_its_json(name: str, data: st.DataObject) -> None:
