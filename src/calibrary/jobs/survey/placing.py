@@ -94,13 +94,12 @@ def place(claims: Sequence[Claim], metadata: ImageMetadata, says: Says) -> tuple
         metadata: of the images.
         says: how one claim stands to another.
     """
-    here = [one for one in claims if one.calibration.intrinsics.image_size == metadata.size]
-    found = [placed(one, readings(one.calibration.intrinsics, metadata)[0]) for one in here]
-    anchors = [one for one in found if not one.claim.is_whole]
     sizes: dict[ImageSize, list[Claim]] = {}
     for one in claims:
-        if one not in here:
-            sizes.setdefault(one.calibration.intrinsics.image_size, []).append(one)
+        sizes.setdefault(one.calibration.intrinsics.image_size, []).append(one)
+    here = sizes.pop(metadata.size, [])
+    found = [placed(one, readings(one.calibration.intrinsics, metadata)[0]) for one in here]
+    anchors = [one for one in found if not one.claim.is_whole]
     for group in sizes.values():
         found += _together(group, metadata, anchors, says)
     return tuple(found)
