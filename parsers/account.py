@@ -250,7 +250,7 @@ class Account:
             stated = (NOT_UNDERSTOOD, listed)
             return [
                 replace(item, distortion=None, notes=(*item.notes, note), extras=(*item.extras, stated))
-                if is_bare and NOT_UNDERSTOOD not in dict(item.extras)
+                if is_bare
                 else item
                 for item, is_bare in zip(cameras, bare, strict=True)
             ]

@@ -286,14 +286,14 @@ def _unknown(calibration: Calibration, capacity: Capacity, *, drop_distortion: b
         UnsupportedModelError: the file would say that there is none, or the calibration's own states one, and the user
             does not say so.
     """
+    if capacity.unknown_lens is UnknownLens.STATED:
+        return None
     stated = dict(calibration.extras).get(NOT_UNDERSTOOD)
     if stated is not None and not drop_distortion:
         raise UnsupportedModelError(
             f"the file states a distortion that was not understood, {stated}, and it would be lost; state it in the "
             f"format's own words, or give {YOUR_WORD} to write K without it"
         )
-    if capacity.unknown_lens is UnknownLens.STATED:
-        return None
     if capacity.unknown_lens is UnknownLens.FREE:
         free = next(model for model in capacity.models if model.names())
         return free(**dict.fromkeys(free.names(), 0.0))

@@ -286,7 +286,6 @@ class Format(Struct, frozen=True, kw_only=True):
         write: makes the bytes of a file from calibrations within ``capacity``.
         capacity: set if and only if ``write`` is.
         write_columns: as ``write``, from the columns of cameras of the format's own models; None if they are others.
-        written_as: the options under which its own files are read back, where the reader would ask.
         updated: whether cameras can only be written into an existing file, because it contains a whole project.
         needs_image_size: whether files do not state the image size.
         states: fields of :class:`~calibrary.calibration.Provenance` that a file can state, out of
@@ -316,7 +315,6 @@ class Format(Struct, frozen=True, kw_only=True):
     needs_image_size: bool = False
     states: tuple[str, ...] = ()
     options: tuple[Option, ...] = ()
-    written_as: tuple[tuple[str, str], ...] = ()
     idle: tuple[str, ...] = ()
     refuses: str | None = None
 

@@ -199,10 +199,7 @@ def _read_back(
 ) -> Sequence[Calibration]:
     # The size limits are for input files; the output is bounded by its input.
     lifted = max(len(data), MAX_BYTES) + 1
-    answers = dict(record.written_as)
-    return read_content(
-        Content(data, name), record=record, image_size=image_size, options=answers, max_bytes=lifted
-    )
+    return read_content(Content(data, name), record=record, image_size=image_size, max_bytes=lifted)
 
 
 def why_unwritten(error: UnsupportedModelError, written_as: str = "another format") -> str:

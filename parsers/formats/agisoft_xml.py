@@ -383,7 +383,6 @@ FORMAT = Format(
     ),
     states=("date",),
     options=(PRINCIPAL_POINT, TANGENTIAL),
-    written_as=((PRINCIPAL_POINT.name, "offset"),),
 )
 
 

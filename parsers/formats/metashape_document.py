@@ -275,5 +275,5 @@ FORMAT = Format(
     sniff=sniff,
     read=read,
     states=("date", "tool"),
-    options=agisoft_xml.FORMAT.options,
+    options=(agisoft_xml.PRINCIPAL_POINT,),
 )

@@ -29,7 +29,7 @@ from collections.abc import Sequence
 
 from calibrary.calibration import Calibration, Grade, ImageSize
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion, required
-from calibrary.errors import ParseError, UnsupportedModelError
+from calibrary.errors import FrameError, ParseError, UnsupportedModelError
 from calibrary.image_size import ASPECT_TOLERANCE
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
@@ -69,11 +69,11 @@ def read(data: bytes, context: ReadContext) -> list[Calibration]:
     """The one camera of the file; where no comment states its size, it comes from the caller."""
     values, sensor, stated = _parsed(data)
     size = context.size(stated)
-    stretch = sensor[0] * size[1] / (sensor[1] * size[0])
-    if not abs(stretch - 1) <= ASPECT_TOLERANCE:
-        raise ParseError(
+    stretch = sensor[0] * size[1] / (sensor[1] * size[0]) - 1
+    if not abs(stretch) <= ASPECT_TOLERANCE:
+        raise FrameError(
             f"on a sensor of {sensor[0]:g}×{sensor[1]:g} mm the pixels of a {size[0]}×{size[1]} image are not "
-            f"square (by {stretch - 1:+.1%}); --image-size must be the size of the images that Pix4D processed"
+            f"square (by {stretch:+.1%}); --image-size must be the size of the images that Pix4D processed"
         )
     # Pixels are square, and it is the width that the file counts from.
     square = (sensor[0], sensor[0] * size[1] / size[0])

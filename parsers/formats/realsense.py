@@ -46,12 +46,12 @@ from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node, accounted
-from calibrary.parsers.format import NOT_UNDERSTOOD, Format, Option, ReadContext, Sniff, Sure
+from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
 from calibrary.parsers.formats import _file_storage as storage
 from calibrary.parsers.formats._json_text import loaded
 from calibrary.parsers.formats._opencv_lens import lens
 from calibrary.parsers.formats._text_rows import rows_of
-from calibrary.records import Json, replace
+from calibrary.records import Json
 
 CONVENTION = Convention(
     origin=Origin.PIXEL_CENTRE,
@@ -62,10 +62,6 @@ INVERSE = Option(
     name="inverse_brown",
     values=("distorted-to-undistorted", "undistorted-to-distorted"),
     meaning="which way Inverse Brown Conrady maps: as it is documented, or as newer versions of rsutil.h use it",
-)
-OPEN = (
-    "which way Inverse Brown Conrady maps: --set inverse_brown=distorted-to-undistorted, as it is documented, or "
-    "inverse_brown=undistorted-to-distorted, as newer librealsense"
 )
 FULL = 5
 UNNAMED = "the file names no model, so Brown Conrady was taken, with librealsense's order k1 k2 p1 p2 k3"
@@ -195,15 +191,11 @@ def _stream(name: str | None, node: Node, context: ReadContext) -> Calibration:
     model = node.get("model")
     distortion: Distortion | None = None
     notes: tuple[str, ...] = ()
-    extras: tuple[tuple[str, str], ...] = ()
     if model is not None:
         distortion = _distortion(model, values, context)
-        if distortion is None:
-            notes, extras = (f"open is {OPEN}",), ((NOT_UNDERSTOOD, OPEN),)
     elif len(values) == FULL:
         distortion, notes = lens(values), (UNNAMED,)
-    made = _camera(name, _focal(node, ""), size, distortion, context, tag=node.place, notes=notes)
-    return replace(made, extras=extras)
+    return _camera(name, _focal(node, ""), size, distortion, context, tag=node.place, notes=notes)
 
 
 def _focal(node: Node, prefix: str) -> Native:
@@ -226,7 +218,7 @@ def _camera(
     )
 
 
-def _distortion(model: Node, values: tuple[float, ...], context: ReadContext) -> Distortion | None:
+def _distortion(model: Node, values: tuple[float, ...], context: ReadContext) -> Distortion:
     name = re.sub(r"rs2_distortion_|distortion\.|[^a-z0-9]", "", model.text().lower())
     if name not in LENSES:
         raise UnsupportedModelError(
@@ -262,10 +254,14 @@ def _modified_brown(values: Sequence[float], model: Node, _context: ReadContext)
     return lens(values)
 
 
-def _inverse_brown(values: Sequence[float], _model: Node, context: ReadContext) -> Distortion | None:
+def _inverse_brown(values: Sequence[float], model: Node, context: ReadContext) -> Distortion:
     asked = context.option(INVERSE.name)
     if asked is None:
-        return None
+        model.fail(
+            "Inverse Brown Conrady is documented to map distorted to undistorted points, newer librealsense inverts "
+            "the same polynomial; say which with --set inverse_brown=distorted-to-undistorted or "
+            "inverse_brown=undistorted-to-distorted"
+        )
     if asked == "undistorted-to-distorted":
         return lens(values)
     brown = BrownConrady(**dict(zip(BrownConrady.names(), values, strict=False)))
@@ -281,7 +277,7 @@ def _f_theta(values: Sequence[float], _model: Node, _context: ReadContext) -> Di
     return FieldOfView(omega=values[0])
 
 
-LENSES: dict[str, Callable[[Sequence[float], Node, ReadContext], Distortion | None]] = {
+LENSES: dict[str, Callable[[Sequence[float], Node, ReadContext], Distortion]] = {
     "none": _none,
     "brownconrady": _brown,
     "modifiedbrownconrady": _modified_brown,

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import ast
-import inspect
 import re
-import sys
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 
@@ -102,21 +99,3 @@ def test_every_command_of_ours_that_a_message_names_exists() -> None:
     for _, text in sentences():
         for command in re.findall(r"\bcalibrary ([a-z]+)\b", text):
             assert command in known
-
-
-QUESTION = re.compile(r"--set (\w+)=")
-
-
-def test_every_question_has_an_option_in_the_formats_that_ask_it() -> None:
-    meant: dict[str, set[str]] = {}
-    for record in (one for one in parsers.formats() if one.read is not None):
-        module = sys.modules[record.read.__module__]
-        readers = [
-            one for one in vars(module).values() if ".parsers.formats." in getattr(one, "__name__", "")
-        ]
-        modules = {module, *(one for one in readers if isinstance(one, ModuleType))}
-        asked = set(QUESTION.findall("".join(map(inspect.getsource, modules))))
-        assert asked <= {option.name for option in record.options}, record.name
-        for option in record.options:
-            meant.setdefault(option.name, set(option.values)).intersection_update(option.values)
-    assert all(len(values) > 1 or name == "model" for name, values in meant.items())

@@ -156,13 +156,6 @@ def test_offsets_that_look_absolute_are_asked_about() -> None:
     assert read(data, principal_point="offset").intrinsics.cx == 2736 + 2741.3
 
 
-def test_a_principal_point_far_off_the_middle_is_written_without_a_question() -> None:
-    data = xml(FRAME, cx="2741.3", cy="1815.9")
-    item = read(data, principal_point="offset")
-    written = parsers.encode([item], "agisoft_xml")[0]
-    assert read(written, principal_point="offset").intrinsics == item.intrinsics
-
-
 def test_absolute_numbers_that_look_like_offsets_are_asked_about() -> None:
     data = xml(OLD, cx="-34.1", cy="-85.9")
     with pytest.raises(ParseError, match="principal_point"):

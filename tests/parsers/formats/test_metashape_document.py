@@ -141,14 +141,6 @@ def test_an_old_document_counts_its_principal_point_from_the_corner() -> None:
     assert (K.fx, K.fy, K.cx, K.cy, K.skew) == (4587.2, 4586.1, 4053.9, 2980.1, 2.24)
 
 
-def test_the_order_of_an_old_documents_tangential_terms_is_chosen() -> None:
-    data = document(sensor(calibration(f"{ABSOLUTE}<p1>0.001</p1><p2>0.0004</p2>", size="8176x6132")))
-    [opencv], [swapped] = read(data, tangential="opencv"), read(data, tangential="swapped")
-    none = {"k1": 0.0, "k2": 0.0, "k3": 0.0}
-    assert opencv.distortion == BrownConrady(**none, p1=0.001, p2=0.0004)
-    assert swapped.distortion == BrownConrady(**none, p1=0.0004, p2=0.001)
-
-
 def test_absolute_numbers_under_the_new_names_are_asked_about() -> None:
     data = document(sensor(calibration("<f>3650.7</f><cx>2741.3</cx><cy>1815.9</cy>")), version="1.2.0")
     with pytest.raises(ParseError, match="principal_point"):

@@ -9,7 +9,7 @@ import pytest
 from calibrary import parsers
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.distortion import BrownConrady, NoDistortion
-from calibrary.errors import MissingTagError, ParseError, UnsupportedModelError
+from calibrary.errors import FrameError, MissingTagError, ParseError, UnsupportedModelError
 from calibrary.records import replace
 from tests.parsers.cameras import SIZE, camera
 
@@ -71,7 +71,7 @@ def test_the_image_size_is_asked_for() -> None:
 
 
 def test_a_size_of_another_shape_than_the_sensor_is_refused() -> None:
-    with pytest.raises(ParseError, match="not square"):
+    with pytest.raises(FrameError, match="not square"):
         read(CAM, image_size=(5472, 3078))
 
 

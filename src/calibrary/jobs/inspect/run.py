@@ -13,7 +13,7 @@ from calibrary import parsers
 from calibrary.admission import admission, why_implausible
 from calibrary.arguments import Reading
 from calibrary.calibration import Calibration
-from calibrary.errors import CalibraryError, InputError, MissingSizeError
+from calibrary.errors import CalibraryError, FrameError, MissingSizeError
 from calibrary.jobs.files import read_file, read_unsized
 from calibrary.jobs.images.folders import files_in
 from calibrary.parsers.discovery import format_named
@@ -167,9 +167,9 @@ def _read(path: Path, reading: Reading) -> InspectedFile:
     except MissingSizeError as missing:
         try:
             found = read_unsized(path, reading)
-        except InputError as error:
+        except (FrameError, MissingSizeError):
             # For example a sensor size that does not fit the image sizes that were tried.
-            raise missing if "--image-size" in error.message else error from None
+            raise missing from None
     return _with_calibrations(described, found)
 
 
