@@ -22,8 +22,8 @@ def flight(tmp_path: Path) -> Path:
     picture(tmp_path / "flight/a.jpg", **P4R, dewarp=DEWARP)
     picture(tmp_path / "flight/b.jpg", make="Example", model=HOSTILE, focal_mm=(132, 10))
     (tmp_path / "flight/torn.jpg").write_bytes(b"\xff\xd8\xff")
-    entry(tmp_path / "fleet", "dji/fc6310r/5472x3648", fx=3659.0)
-    entry(tmp_path / "fleet", "dji/fc330/4000x3000", model="FC330", image_size=(4000, 3000), fx=2280.1)
+    entry(tmp_path / "fleet", fx=3659.0)
+    entry(tmp_path / "fleet", model="FC330", image_size=(4000, 3000), fx=2280.1)
     return tmp_path
 
 

@@ -219,7 +219,9 @@ def test_a_broken_configuration_is_reported_by_its_line(
     (fleet / "registry.yaml").write_text('schema: "calibrary/registry-1"\nlayout: "one"\n')
     git(fleet, "commit", "--quiet", "-am", "Break")
     code, _, err = run(capsys, "list")
-    assert (code, "registry.yaml: line 2" in err) == (4, True)
+    assert (code, "registry.yaml: line 2" in err) == (0, True)
+    code, out, _ = run(capsys, "check")
+    assert (code, "registry.yaml: error: line 2" in out) == (1, True)
 
 
 def test_the_configuration_it_writes_reads_back() -> None:

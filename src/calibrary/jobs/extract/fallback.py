@@ -321,10 +321,13 @@ def _from_registry(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
         return _without(name, StepOutcome.REFUSED, why, resolved.provenance.source)
     claim, doubt = of_entry(known.resolution, policy), camera.doubt(known.resolution.entry.calibration)
     found = _judged(camera, claim, policy, name, doubt)
-    step = replace(found.step, source=resolved.provenance.source)
-    if found.calibration is not None:
-        step = replace(step, why=f"{step.why}; {_chosen(known.resolution, found.calibration)}")
-    return replace(found, step=step)
+    whose = resolved.provenance.source
+    step, K = replace(found.step, source=whose), found.calibration
+    if K is not None:
+        step = replace(step, why=f"{step.why}; {_chosen(known.resolution, K)}")
+        # Of several registries the source names the one that has the entry.
+        K = replace(K, provenance=replace(K.provenance, source=whose))
+    return replace(found, step=step, calibration=K)
 
 
 def outranking(camera: Camera, policy: Policy, sources: Sources) -> Fallback | None:
