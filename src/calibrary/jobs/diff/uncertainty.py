@@ -159,8 +159,10 @@ BORROWED: Final = 1.5
 """Standard deviations assumed for a calibration that states none, as a multiple of the other's: calibration sessions
 of one kind differ by this much."""
 
-USUAL_SIGMAS: Final = 4.0
+USUAL_SIGMAS: Final = 2.6
 """Calibrations that differ by at most as many of their grades' typical standard deviations are no proof of a change."""
+CENTRE_SIGMAS: Final = 4.0
+"""The same for the principal point: a camera that turns takes most of what it moved."""
 
 
 class Basis(StrEnum):
@@ -232,14 +234,19 @@ def is_usual(a: Calibration, b: Calibration) -> bool:
     before, after = axial(a), axial(b)
     priors, width = [PRIORS[one.grade] for one in (a, b)], before.image_size[0]
     focal = [std_of(one, "fx") / one.intrinsics.fx or PRIORS[one.grade].focal for one in (a, b)]
+    moved = math.hypot(after.cx - before.cx, after.cy - before.cy)
     shares = (
-        (math.log(after.fx * after.fy / (before.fx * before.fy)) / 2, focal),
-        (math.log(after.fx * before.fy / (before.fx * after.fy)), [prior.aspect for prior in priors]),
-        (math.hypot(after.cx - before.cx, after.cy - before.cy) / width, [prior.centre for prior in priors]),
+        (math.log(after.fx * after.fy / (before.fx * before.fy)) / 2, USUAL_SIGMAS, focal),
+        (
+            math.log(after.fx * before.fy / (before.fx * after.fy)),
+            USUAL_SIGMAS,
+            [one.aspect for one in priors],
+        ),
+        (moved / width, CENTRE_SIGMAS, [one.centre for one in priors]),
     )
     of_lens = USUAL_SIGMAS * math.hypot(*(prior.lens for prior in priors))
     return is_one_lens(a, b, within=of_lens) is not False and all(
-        abs(change) <= USUAL_SIGMAS * math.hypot(*stds) for change, stds in shares
+        abs(change) <= most * math.hypot(*stds) for change, most, stds in shares
     )
 
 
