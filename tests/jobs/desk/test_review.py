@@ -176,3 +176,16 @@ def test_pages_are_quiet_small_and_readable(tab: Open, page: str) -> None:
         "[...document.querySelectorAll('.prose')].filter(c => c.getBoundingClientRect().right > innerWidth)"
     )
     assert one.page.evaluate(f"{sentences}.length") == 0
+
+
+def test_no_program_gets_what_is_only_proposed(tab: Open) -> None:
+    assert "feature_extractor" not in opened(tab).page.locator("main").inner_text()
+
+
+def test_no_program_gets_what_is_not_in_use(tab: Open, fleet: Path) -> None:
+    calibrary.open_registry(fleet).propose_retirement([CAMERA], "sold").write()
+    one = tab()
+    one.page.goto(f"{one.home}/cameras/{CAMERA}.html")
+    said = one.page.locator("main").inner_text()
+    assert "no program gets it from the registry" in said
+    assert "feature_extractor" not in said

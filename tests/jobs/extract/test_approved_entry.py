@@ -159,14 +159,12 @@ def test_a_flight_hears_of_what_is_proposed_in_place_of_the_entries_that_it_uses
     assert all(proposed in text for text in found)
 
 
-def test_without_a_k_what_is_proposed_is_where_a_solver_may_start(tmp_path: Path) -> None:
+def test_without_a_k_what_is_proposed_is_named_and_no_start(tmp_path: Path) -> None:
     entry(tmp_path / "registry", fx=3700.0, status="draft", make="Example", model="One")
     picture(tmp_path / "flight/0.jpg", make="Example", model="One")
     camera = only(gate(tmp_path / "flight", registry=files(tmp_path / "registry")))
     assert camera.calibration is None
     assert camera.fallback is not None
     assert camera.fallback.seed is not None
-    assert camera.fallback.seed.intrinsics.fx == 3700.0
-    assert "it is proposed and not approved" in next(
-        one.why for one in camera.fallback.steps if one.step == "self-calibration-seed"
-    )
+    assert camera.fallback.seed.intrinsics.fx != 3700.0
+    assert "example/one/5472x3648 is proposed and not approved, so not used" in camera.fallback.steps[-1].why

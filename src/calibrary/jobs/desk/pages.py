@@ -603,19 +603,16 @@ class Pages:
                 files=downloads(stored.entry, snapshot.read(path)),
                 is_proposed=stored.proposal is not None,
             )
-        use = Section(
-            title="What it is good for",
-            blocks=(
-                *_good_for(allowed(K, fleet.snapshot.configuration.policy)),
-                *_program_flags(K),
-                Link("Compare it with another state of it, or a file", f"/compare?{urlencode({'b': id_})}"),
-                self._command("registry", "show", id_),
-            ),
-        )
-        decide = Section(title="Decide", blocks=(retirement_form(id_, stored.base or ""),))
+        good_for: tuple[Block, ...] = ("It is not in use, so no program gets it from the registry.",)
+        decide: tuple[Section, ...] = ()
+        if stored.entry.is_usable:
+            good_for = (*_good_for(allowed(K, snapshot.configuration.policy)), *_program_flags(K))
+            decide = (Section(title="Decide", blocks=(retirement_form(id_, stored.base or ""),)),)
+        compare = Link("Compare it with another state of it, or a file", f"/compare?{urlencode({'b': id_})}")
+        command = self._command("registry", "show", id_)
+        use = Section(title="What it is good for", blocks=(*good_for, compare, command))
         first, *others = page.sections
-        usable = (decide,) if stored.entry.is_usable else ()
-        return replace(page, sections=(*self._after(asked), first, use, *usable, *others))
+        return replace(page, sections=(*self._after(asked), first, use, *decide, *others))
 
     def _change(self, asked: Asked) -> Page:
         fleet = self._fleet

@@ -215,12 +215,9 @@ def fall_back(camera: Camera, policy: Policy, sources: Sources) -> Fallback:
 def _initial(camera: Camera, policy: Policy) -> tuple[Calibration, Step]:
     """Initial values of a solver, which are not a K, and the step that keeps them."""
     start = seed(camera.key, camera.states[0].metadata.size, _known_focal(camera, policy))
-    source, why = start.provenance.tag, "it is not a K, because nothing in this run refines it"
-    if (proposed := camera.states[0].known.proposed) is not None:
-        start, source = replace(proposed.calibration, camera=camera.key), proposed.path
-        why = f"it is proposed and not approved ({allowed(start, policy).why})"
-    why = f"{why}; a solver may start from it"
-    return start, Step(step=StepName.SEED, outcome=StepOutcome.KEPT_AS_SEED, source=source, why=why)
+    why = "it is not a K, because nothing in this run refines it; a solver may start from it"
+    step = Step(step=StepName.SEED, outcome=StepOutcome.KEPT_AS_SEED, source=start.provenance.tag, why=why)
+    return start, step
 
 
 def _explicit(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
@@ -312,6 +309,8 @@ def _from_registry(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
     known = camera.states[0].known
     if resolved is None or known.resolution is None:
         why = f"the registry has no approved entry for {camera.key}"
+        if known.proposed is not None:
+            why += f"; {id_of(known.proposed.path)} is proposed and not approved, so not used"
         why += "".join(f"; {near.path} does not apply: {near.reason}" for near in known.near[:2])
         return _without(name, StepOutcome.NOT_THERE, why)
     is_metric = camera.calibration is not None and camera.calibration.grade.is_metric
