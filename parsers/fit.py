@@ -226,7 +226,12 @@ def _peak(
 
 
 def adapt(
-    calibration: Calibration, capacity: Capacity, *, max_error_px: float, drop_distortion: bool = False
+    calibration: Calibration,
+    capacity: Capacity,
+    *,
+    max_error_px: float,
+    drop_distortion: bool = False,
+    offers: bool = True,
 ) -> Calibration:
     """The closest calibration that a format can represent.
 
@@ -239,6 +244,7 @@ def adapt(
         max_error_px: largest accepted difference anywhere in the image.
         drop_distortion: whether K alone is written if the format has no place for a distortion, and an unknown
             distortion as none if the format always states one.
+        offers: whether a refusal ends with the flag that accepts the error.
 
     Raises:
         UnsupportedModelError: no model is within the limit, the message states the error of the best one; or a
@@ -254,7 +260,7 @@ def adapt(
             else _none(calibration, capacity, max_error_px, drop_distortion=drop_distortion)
         )
         if of_k is not None and of_k.max_px > max_error_px:
-            raise UnsupportedModelError(_without(calibration.intrinsics, K, of_k))
+            raise UnsupportedModelError(_without(calibration.intrinsics, K, of_k, offers=offers))
         return replace(calibration, intrinsics=K, distortion=lens)
     for model in capacity.models if holds_k else ():
         same = exact(distortion, model)
@@ -272,10 +278,10 @@ def adapt(
     if best[1].max_px <= max_error_px:
         return best[0]
     if not holds_k:
-        raise UnsupportedModelError(_without(calibration.intrinsics, K, best[1]))
+        raise UnsupportedModelError(_without(calibration.intrinsics, K, best[1], offers=offers))
     raise UnsupportedModelError(
         f"the {distortion.model} model has no exact counterpart among {names}; with the nearest {best[1].model} "
-        f"projections {_misses(best[1])}"
+        f"projections {_misses(best[1], offers=offers)}"
     )
 
 
@@ -368,9 +374,9 @@ def _nearest(
     return best
 
 
-def _without(before: Intrinsics, K: Intrinsics, fit: Fit) -> str:
+def _without(before: Intrinsics, K: Intrinsics, fit: Fit, *, offers: bool) -> str:
     """Sentence on what a format cannot represent of a K, and the smallest resulting error."""
-    return f"the format has no place for {_lost(before, K)}; without it, projections {_misses(fit)}"
+    return f"the format has no place for {_lost(before, K)}; without it, projections {_misses(fit, offers=offers)}"
 
 
 def _lost(before: Intrinsics, K: Intrinsics) -> str:
@@ -396,8 +402,9 @@ def accepted_with(error_px: float, *, or_else: bool = False) -> str:
     return f" or {flag}" if or_else else f"; give {flag} to accept that"
 
 
-def _misses(fit: Fit) -> str:
-    return f"are off by rms {fit.rms_px:.3g} px, max {fit.max_px:.3g} px{accepted_with(fit.max_px)}"
+def _misses(fit: Fit, *, offers: bool) -> str:
+    offer = accepted_with(fit.max_px) if offers else ""
+    return f"are off by rms {fit.rms_px:.3g} px, max {fit.max_px:.3g} px{offer}"
 
 
 def _within_capacity(K: Intrinsics, capacity: Capacity) -> Intrinsics:

@@ -217,14 +217,11 @@ def nearest(program: Program, calibration: Calibration, *, drop_distortion: bool
     assert capacity is not None  # noqa: S101  a format that is written has one
     if target.models:
         capacity = replace(capacity, models=target.models)
-    try:
-        held = adapt(calibration, capacity, max_error_px=limit, drop_distortion=drop_distortion)
-        if target.adjusted is not None:
-            held = target.adjusted(calibration, held)
-        target.holds(held)
-    except UnsupportedModelError as error:
-        # A larger error is not offered: what is farther away is no start.
-        raise UnsupportedModelError(error.message.partition("; give --max-error-px")[0]) from None
+    # A larger error is not offered: what is farther away is no start.
+    held = adapt(calibration, capacity, max_error_px=limit, drop_distortion=drop_distortion, offers=False)
+    if target.adjusted is not None:
+        held = target.adjusted(calibration, held)
+    target.holds(held)
     if held == calibration:
         return Nearest(calibration=held)
     unknown = None
