@@ -35,6 +35,7 @@ def test_an_image_gives_the_k_that_extract_judges_valid(
     code, out, err = run(capsys, "k", image)
     assert (code, out.splitlines()[0]) == (0, "3660.5 0.0 2731.5")
     assert "valid, calibrated" in err
+    assert json.loads(run(capsys, "k", image, "--json")[1])["use"] == "start"
 
 
 def test_where_there_is_only_a_seed_it_is_called_one_and_no_file_is_written(
@@ -49,7 +50,7 @@ def test_where_there_is_only_a_seed_it_is_called_one_and_no_file_is_written(
     code, out, _ = run(capsys, "k", image, "--json")
     found = json.loads(out)
     require(found, "k-1")
-    assert (code, found["is_usable"], found["calibration"]) == (1, False, None)
+    assert (code, found["use"], found["calibration"]) == (1, "none", None)
 
 
 def test_a_k_that_is_hardly_a_cameras_is_printed_but_may_not_be_used(

@@ -16,6 +16,8 @@ from calibrary.errors import InputError, RegistryError
 from calibrary.jobs.extract import extract
 from calibrary.jobs.files import chosen
 from calibrary.jobs.resolve import resolve
+from calibrary.jobs.use import Use, allowed
+from calibrary.policy import FLEET
 from calibrary.records import Record
 from calibrary.validation import Verdict
 
@@ -24,16 +26,21 @@ class OneK(Record, tag_field="schema", tag="calibrary/k-1"):
     """One K, and whether it may be used; output of ``calibrary k --json``.
 
     Attributes:
-        is_usable: whether a program may be given this K.
+        use: what a solver may do with this K.
         why: what it is, or why it may not be used.
         calibration: with its K; None if there is only a seed.
         seed: values to start a self-calibration with, which are no K; None if there is a K.
     """
 
-    is_usable: bool
+    use: Use
     why: str
     calibration: Calibration | None = None
     seed: Intrinsics | None = None
+
+    @property
+    def is_usable(self) -> bool:
+        """Whether a program may be given this K."""
+        return self.use is not Use.NONE
 
     @property
     def intrinsics(self) -> Intrinsics:
@@ -54,9 +61,9 @@ def of_image(path: Path, registry: Place | Sequence[Place] | None) -> OneK:
     camera = report.cameras[0]
     found, grade = camera.calibration, camera.calibration.grade.value if camera.calibration else "no K"
     why = f"{camera.verdict.value}, {grade}" + (f": {camera.why}" if camera.why else "")
-    usable = camera.verdict is Verdict.VALID and found is not None
+    use = camera.use.use if camera.use is not None and camera.verdict is Verdict.VALID else Use.NONE
     seed = camera.seed.intrinsics if found is None and camera.seed is not None else None
-    return OneK(is_usable=usable, why=why, calibration=found, seed=seed)
+    return OneK(use=use, why=why, calibration=found, seed=seed)
 
 
 def of_file(path: Path, reading: Reading) -> OneK:
@@ -64,7 +71,8 @@ def of_file(path: Path, reading: Reading) -> OneK:
     found = chosen(path, reading)
     doubt = admission(found)
     why = f"{found.grade.value} ({found.grade.meaning})" + (f": {doubt.message}" if doubt is not None else "")
-    return OneK(is_usable=found.grade.is_metric and doubt is None, why=why, calibration=found)
+    use = allowed(found, FLEET, is_valid=found.grade.is_metric and doubt is None).use
+    return OneK(use=use, why=why, calibration=found)
 
 
 def of_key(key: str, registry: Place | Sequence[Place] | None) -> OneK:
@@ -72,9 +80,9 @@ def of_key(key: str, registry: Place | Sequence[Place] | None) -> OneK:
     found = resolve(key, registry=registry)
     if found.path is None:
         raise RegistryError(f"no entry answers {key!r}, and no file has this name")
-    if found.calibration is None:
+    if found.calibration is None or found.allowed is None:
         raise RegistryError(f"the K of {found.path} may not be used: {found.use_reason}")
-    return OneK(is_usable=True, why=f"{found.use}: {found.use_reason}", calibration=found.calibration)
+    return OneK(use=found.allowed.use, why=f"{found.use}: {found.use_reason}", calibration=found.calibration)
 
 
 def save(found: OneK, path: Path) -> None:
