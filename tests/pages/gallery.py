@@ -8,22 +8,6 @@ import numpy as np
 
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance
 from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt
-from calibrary.pages import (
-    Badge,
-    Bullets,
-    Code,
-    Column,
-    Details,
-    Figure,
-    KeyValues,
-    Link,
-    Note,
-    Page,
-    Section,
-    SideBySide,
-    Table,
-    Tone,
-)
 from calibrary.pages.plots import (
     Axis,
     Band,
@@ -39,6 +23,22 @@ from calibrary.pages.plots import (
     vector_field,
 )
 from calibrary.quality import Covariance
+from calibrary.view import (
+    Badge,
+    Bullets,
+    Code,
+    Column,
+    Details,
+    Figure,
+    KeyValues,
+    Link,
+    Note,
+    Section,
+    SideBySide,
+    Table,
+    Tone,
+    View,
+)
 
 HOSTILE = (
     "<script>document.title='owned'</script>",
@@ -124,7 +124,7 @@ def plots() -> dict[str, Figure]:
     }
 
 
-def gallery() -> Page:
+def gallery() -> View:
     """The page."""
     columns = (Column("name"), Column("fx (px)", numeric=True), Column("verdict"), Column("words"))
     table = Table(
@@ -154,7 +154,7 @@ def gallery() -> Page:
         Badge("alone", Tone.NEUTRAL),
         Section(title="A part of it", blocks=("words", Section(title="A part of that", blocks=("words",)))),
     )
-    return Page(
+    return View(
         title=f"Everything {HOSTILE[0]} {HOSTILE[3]}",
         lead=f"All that a page can hold. {HOSTILE[2]}",
         badge=Badge("unproven", Tone.CAUTION),

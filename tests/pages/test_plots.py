@@ -14,7 +14,6 @@ import pytest
 
 from calibrary.distortion import BrownConrady
 from calibrary.errors import InputError
-from calibrary.pages import Figure
 from calibrary.pages.plots import (
     Axis,
     Band,
@@ -34,6 +33,7 @@ from calibrary.pages.plots.canvas import number
 from calibrary.pages.plots.intervals import Dated, over_time
 from calibrary.pages.svg import inline_svg
 from calibrary.quality import Covariance
+from calibrary.view import Figure
 from tests.pages.gallery import BROWN, FISHEYE, HOSTILE, SIZE, calibration, plots
 
 PX = Axis("rms", "px")

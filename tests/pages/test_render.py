@@ -15,7 +15,9 @@ from hypothesis import strategies as st
 
 from calibrary import pages
 from calibrary.errors import InputError
-from calibrary.pages import (
+from calibrary.pages import render_page
+from calibrary.pages.wording import LONGEST, sentence, visible
+from calibrary.view import (
     Badge,
     Block,
     Code,
@@ -24,13 +26,11 @@ from calibrary.pages import (
     KeyValues,
     Link,
     Note,
-    Page,
     Section,
     SideBySide,
     Table,
-    render_page,
+    View,
 )
-from calibrary.pages.wording import LONGEST, sentence, visible
 from tests.pages.gallery import HOSTILE, gallery, plots
 
 VOID = {"meta", "link", "img", "br", "circle", "path", "rect", "image", "use", "line"}
@@ -66,7 +66,7 @@ class Outline(HTMLParser):
 
 def page(*blocks: Block, title: str = "A page") -> str:
     section = Section(title="A section", blocks=blocks)
-    return render_page(Page(title=title, lead="What it comes to.", sections=(section,), made_by="A test."))
+    return render_page(View(title=title, lead="What it comes to.", sections=(section,), made_by="A test."))
 
 
 def body(html: str) -> str:
@@ -248,7 +248,7 @@ class TestBlocks:
     def test_a_list_of_parts_stands_above_three_or_more_unless_the_page_has_its_own(self) -> None:
         def listed(count: int, *, contents: bool = True) -> bool:
             sections = tuple(Section(title=f"Part {n}", blocks=("words",)) for n in range(count))
-            page = Page(title="t", lead="l", sections=sections, made_by="m", contents=contents)
+            page = View(title="t", lead="l", sections=sections, made_by="m", contents=contents)
             return "<nav" in render_page(page)
 
         assert [listed(count) for count in (2, 3, 9)] == [False, True, True]
@@ -256,7 +256,7 @@ class TestBlocks:
 
     def test_equal_sections_have_anchors_of_their_own(self) -> None:
         sections = tuple(Section(title="Part", anchor="part", blocks=("words",)) for _ in range(3))
-        html = render_page(Page(title="t", lead="l", sections=sections, made_by="m"))
+        html = render_page(View(title="t", lead="l", sections=sections, made_by="m"))
         assert re.findall(r'<h2 id="([^"]+)"', html) == ["part", "section-1", "section-2"]
 
 

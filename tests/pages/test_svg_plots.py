@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from calibrary.errors import InputError
-from calibrary.pages import Figure
 from calibrary.pages.plots import Axis
 from calibrary.pages.plots.history import Series, history
 from calibrary.pages.plots.svg_plots import amount_map, arrow_map
 from calibrary.pages.svg import inline_svg
+from calibrary.view import Figure
 from tests.pages.gallery import HOSTILE
 
 SIZE = (5400, 3600)

@@ -9,16 +9,17 @@ from importlib import resources
 from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup, escape
 
-from calibrary.pages import Figure, Frame, Page, Section
+from calibrary.pages import Frame
 from calibrary.pages.svg import inline_svg
 from calibrary.pages.wording import visible
+from calibrary.view import Figure, Section, View
 
 MOST_LINES = 1_000
 LONGEST_ALT = 2_000
 _WHOLE = re.compile(r"(?<![\w-])--\w[\w-]*|\b\d{4}-\d\d-\d\d\b")
 
 
-def fill(page: Page, *, security: str, style: str, script: str | None, frame: Frame | None = None) -> str:
+def fill(page: View, *, security: str, style: str, script: str | None, frame: Frame | None = None) -> str:
     """The page as HTML.
 
     Args:

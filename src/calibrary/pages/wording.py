@@ -11,9 +11,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
 from calibrary.calibration import Calibration
-from calibrary.pages import Block, Cell, Column, Table, Tone
 from calibrary.validation import UNPROVEN_LEGEND, Severity
 from calibrary.version import __version__
+from calibrary.view import Block, Cell, Column, Table, Tone
 
 LONGEST = 4_000
 """Most characters of one piece of text on a page."""

@@ -10,11 +10,11 @@ import pytest
 from calibrary.calib.observations import ControlPoints
 from calibrary.calib.result import CalibrationResult, rows
 from calibrary.jobs.calibrate.page_plots import flight_plots
-from calibrary.pages import Figure, SideBySide
 from calibrary.records import replace
 from calibrary.rotations import rotation_matrix
 from calibrary.sfm.adjust import adjust
 from calibrary.sfm.assessment import flight_result
+from calibrary.view import Figure, SideBySide
 from tests.sfm.flights import Plan, fly
 
 

@@ -11,24 +11,25 @@ from calibrary.distortion import NoDistortion
 from calibrary.jobs.diff.comparison import DiffReport, compare
 from calibrary.jobs.diff.fleet import FleetDiffReport, entry_change
 from calibrary.jobs.diff.page import comparison_page, fleet_page
-from calibrary.pages import Figure, Page, SideBySide, Tone, render_page
+from calibrary.pages import render_page
 from calibrary.records import replace
+from calibrary.view import Figure, SideBySide, Tone, View
 from tests.jobs.diff.cameras import camera, changed
 from tests.jobs.diff.test_comparison import measured, with_focal
 from tests.pages.gallery import HOSTILE
 from tests.registry.entries import FILE, an_entry
 
 
-def page_of(comparison: DiffReport, altitude_m: float = 100.0) -> Page:
+def page_of(comparison: DiffReport, altitude_m: float = 100.0) -> View:
     return comparison_page(comparison, altitude_m)
 
 
-def text(page: Page) -> str:
+def text(page: View) -> str:
     body = render_page(page).partition("<body>")[2]
     return html.unescape(re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", body)))
 
 
-def maps(page: Page) -> list[Figure]:
+def maps(page: View) -> list[Figure]:
     rows = [block for section in page.sections for block in section.blocks if isinstance(block, SideBySide)]
     return [block for row in rows for block in row.blocks if isinstance(block, Figure)]
 

@@ -14,21 +14,10 @@ from calibrary.jobs.extract.outputs import plan
 from calibrary.jobs.extract.page import report_page
 from calibrary.jobs.extract.report import ExtractReport
 from calibrary.jobs.images.folders import SkippedFile
-from calibrary.pages import (
-    Badge,
-    Details,
-    Figure,
-    Link,
-    Note,
-    Page,
-    Section,
-    SideBySide,
-    Table,
-    Tone,
-    render_page,
-)
+from calibrary.pages import render_page
 from calibrary.records import replace
 from calibrary.validation import Verdict
+from calibrary.view import Badge, Details, Figure, Link, Note, Section, SideBySide, Table, Tone, View
 from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, matrix, picture
 
 
@@ -47,44 +36,44 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> ExtractReport:
 
 
 @pytest.fixture(scope="module")
-def page(outcome: ExtractReport, tmp_path_factory: pytest.TempPathFactory) -> Page:
+def page(outcome: ExtractReport, tmp_path_factory: pytest.TempPathFactory) -> View:
     return made(outcome, tmp_path_factory.mktemp("out"))
 
 
-def made(outcome: ExtractReport, folder: Path) -> Page:
+def made(outcome: ExtractReport, folder: Path) -> View:
     return report_page(plan(outcome, folder / "K_matrix.npy", None))
 
 
-def text(page: Page) -> str:
+def text(page: View) -> str:
     """What a reader sees."""
     body = re.sub('<span class="whole">(.*?)</span>', r"\1", render_page(page).partition("<body>")[2])
     return html.unescape(re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", body)))
 
 
-def section(page: Page, word: str) -> Section:
+def section(page: View, word: str) -> Section:
     [found] = [section for section in page.sections if word in section.title]
     return found
 
 
-def overview(page: Page) -> Table:
+def overview(page: View) -> Table:
     [table] = [block for block in section(page, "Cameras").blocks if isinstance(block, Table)]
     return table
 
 
-def test_the_cameras_that_need_attention_are_first(page: Page) -> None:
+def test_the_cameras_that_need_attention_are_first(page: View) -> None:
     verdicts = [row[1].text for row in overview(page).rows if isinstance(row[1], Badge)]
     assert verdicts == sorted(verdicts, key=[*map(str, reversed(Verdict))].index)
     assert len(set(verdicts)) == 3
 
 
-def test_every_camera_of_the_overview_leads_to_its_section(page: Page) -> None:
+def test_every_camera_of_the_overview_leads_to_its_section(page: View) -> None:
     targets = [row[0].target for row in overview(page).rows if isinstance(row[0], Link)]
     anchors = re.findall(r'<h2 id="([^"]+)"', render_page(page))
     assert len(targets) == 5
     assert {target.removeprefix("#") for target in targets} <= set(anchors)
 
 
-def test_every_reason_and_every_way_out_is_told(outcome: ExtractReport, page: Page) -> None:
+def test_every_reason_and_every_way_out_is_told(outcome: ExtractReport, page: View) -> None:
     told = text(page)
     for camera in outcome.judged:
         failures = camera.report.failures if camera.report is not None else ()
@@ -92,7 +81,7 @@ def test_every_reason_and_every_way_out_is_told(outcome: ExtractReport, page: Pa
             assert sentence is None or re.sub(r"\s+", " ", sentence) in told
 
 
-def test_a_valid_camera_has_its_k_its_distortion_and_its_lens(page: Page) -> None:
+def test_a_valid_camera_has_its_k_its_distortion_and_its_lens(page: View) -> None:
     shown = section(page, "FC6310R")
     told = text(replace(page, sections=(shown,)))
     for number in ("3660.50 px", "3655.25 px", "2731.50 px", "1846.75 px", "−0.268", "0.112"):
@@ -102,7 +91,7 @@ def test_a_valid_camera_has_its_k_its_distortion_and_its_lens(page: Page) -> Non
     assert beginnings == ["fx by ", "Arrows", "Radial"]
 
 
-def test_the_evidence_is_shown_side_by_side(outcome: ExtractReport, page: Page) -> None:
+def test_the_evidence_is_shown_side_by_side(outcome: ExtractReport, page: View) -> None:
     [camera] = [c for c in outcome.judged if c.camera.key.model == "FC6310R"]
     [plots] = [block for block in section(page, "FC6310R").blocks if isinstance(block, SideBySide)]
     evidence = plots.blocks[0]
@@ -113,7 +102,7 @@ def test_the_evidence_is_shown_side_by_side(outcome: ExtractReport, page: Page) 
     assert "Expected by the catalogue" in evidence.alt
 
 
-def test_numbers_that_were_rejected_are_not_shown_as_a_k(page: Page) -> None:
+def test_numbers_that_were_rejected_are_not_shown_as_a_k(page: View) -> None:
     shown = section(page, "Far")
     [folded] = [b for b in shown.blocks if isinstance(b, Details) and "rejected" in b.summary]
     rest = replace(
@@ -126,18 +115,18 @@ def test_numbers_that_were_rejected_are_not_shown_as_a_k(page: Page) -> None:
     assert row[3:] == ("–", "–", "–")
 
 
-def test_what_stands_in_is_told_with_all_that_was_tried(page: Page) -> None:
+def test_what_stands_in_is_told_with_all_that_was_tried(page: View) -> None:
     told = text(replace(page, sections=(section(page, "FC330"),)))
     assert "fc330.npy is used; the images alone give no valid K" in told
     assert "fallback-k taken fc330.npy" in told
 
 
-def test_images_that_were_set_aside_are_listed_with_the_reason(outcome: ExtractReport, page: Page) -> None:
+def test_images_that_were_set_aside_are_listed_with_the_reason(outcome: ExtractReport, page: View) -> None:
     told = text(replace(page, sections=(section(page, "Images skipped"),)))
     assert f"corrupt.jpg {outcome.rejected[0].reason}" in told
 
 
-def test_no_serial_number_and_no_folder_is_in_it(page: Page, tmp_path: Path) -> None:
+def test_no_serial_number_and_no_folder_is_in_it(page: View, tmp_path: Path) -> None:
     rendered = render_page(page)
     assert "SECRET" not in rendered
     assert str(tmp_path.parent.parent) not in rendered
@@ -150,7 +139,7 @@ def test_what_else_is_to_be_said_of_the_run_is_a_note(outcome: ExtractReport, tm
 
 
 def test_what_to_do_first_names_each_camera_without_a_valid_k_and_the_images_that_cannot_be_read(
-    outcome: ExtractReport, page: Page
+    outcome: ExtractReport, page: View
 ) -> None:
     [table] = [block for block in page.sections[0].blocks if isinstance(block, Table)]
     due = [camera for camera in outcome.judged if camera.verdict is not Verdict.VALID]
@@ -163,7 +152,7 @@ def test_what_to_do_first_names_each_camera_without_a_valid_k_and_the_images_tha
 
 
 def test_folder_and_days_are_at_the_top_as_far_as_they_are_known(
-    outcome: ExtractReport, page: Page, tmp_path: Path
+    outcome: ExtractReport, page: View, tmp_path: Path
 ) -> None:
     assert page.facts == (("folder", "flight"),)
     flown = replace(outcome, days=(date(2026, 4, 30), date(2026, 5, 1)))
@@ -201,7 +190,7 @@ def test_a_run_of_very_many_cameras_stays_a_page(
     assert "5 more are listed in the report." in told
 
 
-def test_the_same_run_gives_the_same_bytes(outcome: ExtractReport, page: Page, tmp_path: Path) -> None:
+def test_the_same_run_gives_the_same_bytes(outcome: ExtractReport, page: View, tmp_path: Path) -> None:
     assert render_page(made(outcome, tmp_path)) == render_page(page)
 
 

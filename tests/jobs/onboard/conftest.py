@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from calibrary.jobs.onboard import page
-from calibrary.pages import Figure
+from calibrary.view import Figure
 from tests.cli.registry.conftest import begun, fleet, nobodys_git
 
 __all__ = ["begun", "fleet", "nobodys_git"]

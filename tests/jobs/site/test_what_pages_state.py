@@ -7,12 +7,12 @@ from datetime import date
 from calibrary.jobs.site.camera_page import _fields, _provenance, _row, downloads
 from calibrary.jobs.site.folder import Place
 from calibrary.known_camera import hash_serial
-from calibrary.pages import Badge, KeyValues
 from calibrary.records import replace
 from calibrary.registry.entry import Alias, Entry, Validity
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.git.history import Revision
 from calibrary.registry.history import EntryRevision
+from calibrary.view import Badge, KeyValues
 from tests.jobs.site.test_any_entry import revised
 from tests.registry.entries import FILE, KEY, an_entry
 

@@ -21,20 +21,6 @@ from calibrary.jobs.audit.report import (
     Use,
     Verification,
 )
-from calibrary.pages import (
-    Badge,
-    Block,
-    Bullets,
-    Cell,
-    Column,
-    Details,
-    Figure,
-    Link,
-    Note,
-    Page,
-    Section,
-    Tone,
-)
 from calibrary.pages.plots import Axis, Band, Interval, Role, intervals
 from calibrary.pages.plots.intervals import Dated, Period, over_time
 from calibrary.pages.wording import (
@@ -49,6 +35,20 @@ from calibrary.pages.wording import (
 )
 from calibrary.sfm.pixel_check import PixelVerdict
 from calibrary.validation import Finding, Severity
+from calibrary.view import (
+    Badge,
+    Block,
+    Bullets,
+    Cell,
+    Column,
+    Details,
+    Figure,
+    Link,
+    Note,
+    Section,
+    Tone,
+    View,
+)
 
 # A warning of an audit requires an action.
 TONES: Final = {**SEVERITIES, Severity.WARNING: Tone.CAUTION}
@@ -97,11 +97,11 @@ PIXELS: Final = {
 STEADY: Final = {Change.STEADY: Tone.GOOD, Change.UNKNOWN: Tone.NEUTRAL, Change.SEVERAL_UNITS: Tone.NEUTRAL}
 
 
-def audit_page(done: AuditReport) -> Page:
+def audit_page(done: AuditReport) -> View:
     """Make the page of an audit."""
     levels = (count(getattr(done.counts, level.value), level.value) for level in LEVELS)
     days = [day for one in done.flights for day in (one.first, one.last) if day is not None]
-    return Page(
+    return View(
         title="Audit of the registry",
         badge=BADGES[done.verdict],
         lead=f"{count(done.images, 'image')} of {count(len(done.flights), 'flight')} compared with "

@@ -15,10 +15,11 @@ from calibrary.calib.observations import Observations
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration
 from calibrary.errors import InputError, UnsupportedModelError, UsageError
-from calibrary.pages import Page, check_page_place, render_page
+from calibrary.pages import check_page_place, render_page
 from calibrary.parsers.format import Format
 from calibrary.parsers.writing import format_to_write, why_unwritten
 from calibrary.records import replace
+from calibrary.view import View
 
 
 class Judged(Protocol):
@@ -89,7 +90,7 @@ class Outputs(Struct, frozen=True, kw_only=True):
             format=record,
         )
 
-    def write(self, report: R, page: Callable[[R], Page], seen: Observations | None = None) -> R:
+    def write(self, report: R, page: Callable[[R], View], seen: Observations | None = None) -> R:
         """Write what the verdict permits: of a refused calibration only the page and the corners.
 
         The corners are measurements and stay valid if the calibration is refused: together with more of them,

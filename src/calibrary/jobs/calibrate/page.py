@@ -18,7 +18,12 @@ from calibrary.jobs.calibrate.page_plots import (
     trust_plots,
 )
 from calibrary.jobs.calibrate.report import CalibrateReport
-from calibrary.pages import (
+from calibrary.pages.plots import correlations
+from calibrary.pages.wording import SEVERITIES, rounded
+from calibrary.probability import whole_percent
+from calibrary.provenance import facts, label
+from calibrary.validation import Finding, Severity
+from calibrary.view import (
     Badge,
     Block,
     Bullets,
@@ -26,17 +31,12 @@ from calibrary.pages import (
     Details,
     KeyValues,
     Note,
-    Page,
     Section,
     SideBySide,
     Table,
     Tone,
+    View,
 )
-from calibrary.pages.plots import correlations
-from calibrary.pages.wording import SEVERITIES, rounded
-from calibrary.probability import whole_percent
-from calibrary.provenance import facts, label
-from calibrary.validation import Finding, Severity
 
 OUTCOMES = {
     BoardVerdict.PASS: Badge("keep it fixed", Tone.GOOD),
@@ -52,14 +52,14 @@ LEADS = {
 MOST_ROWS = 300
 
 
-def calibration_page(report: CalibrateReport, detections: Detections) -> Page:
+def calibration_page(report: CalibrateReport, detections: Detections) -> View:
     """Make the page of a calibration, refused or not."""
     quality, used = report.calibration.quality, [view for view in report.views if view.without is None]
     rms = f"{quality.rms_px:.2f} px" if quality is not None and quality.rms_px is not None else "unknown"
     shown = len(report.views) + len(report.skipped)
     refused_flight = report.flown is not None and report.verdict is BoardVerdict.REFUSE
     versions = ", ".join(f"{name} {version}" for name, version in report.versions.items())
-    return Page(
+    return View(
         title=f"Calibration of {report.calibration.camera}",
         badge=OUTCOMES[report.verdict],
         lead=f"From {len(used)} of {shown} {report.shots} of {report.target}, reprojection error (RMS) "

@@ -21,7 +21,6 @@ from calibrary.calib.result import ViewResult
 from calibrary.calibration import Calibration, ImageSize
 from calibrary.errors import InputError
 from calibrary.jobs.calibrate.report import CalibrateReport, Warp
-from calibrary.pages import Block, Figure, SideBySide
 from calibrary.pages.palette import Colour
 from calibrary.pages.plots import (
     Axis,
@@ -36,6 +35,7 @@ from calibrary.pages.plots.canvas import draw, frame_axes, number
 from calibrary.pages.plots.frames import dots
 from calibrary.probability import two_digits, whole_percent
 from calibrary.sfm.tracks import upward
+from calibrary.view import Block, Figure, SideBySide
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas

@@ -13,18 +13,6 @@ from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration
 from calibrary.jobs.calibrate.page import LEADS, OUTCOMES, findings_blocks
 from calibrary.jobs.calibrate_rig.report import PoseDifference, RigReport
-from calibrary.pages import (
-    Badge,
-    Block,
-    Column,
-    Details,
-    Figure,
-    KeyValues,
-    Page,
-    Section,
-    Table,
-    Tone,
-)
 from calibrary.pages.palette import Colour
 from calibrary.pages.plots import Axis, bars
 from calibrary.pages.plots.canvas import draw
@@ -32,6 +20,7 @@ from calibrary.parsers.rigs.micasense import relatives_of
 from calibrary.probability import two_digits
 from calibrary.provenance import facts
 from calibrary.validation import Severity
+from calibrary.view import Badge, Block, Column, Details, Figure, KeyValues, Section, Table, Tone, View
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
@@ -39,7 +28,7 @@ if TYPE_CHECKING:
 MOST_ROWS = 300
 
 
-def rig_page(report: RigReport) -> Page:
+def rig_page(report: RigReport) -> View:
     """Make the page of a rig, refused or not."""
     names = ", ".join(one.name for one in report.cameras)
     first = report.cameras[0].result
@@ -47,7 +36,7 @@ def rig_page(report: RigReport) -> Page:
     lead = LEADS[report.verdict] if report.verdict is not BoardVerdict.REFUSE else (
         "Nothing but this page and the corners was written."
     )  # fmt: skip
-    return Page(
+    return View(
         title=f"Rig of {len(report.cameras)} cameras",
         badge=OUTCOMES[report.verdict],
         lead=f"{names}: {len(report.shots)} shots that two cameras or more share, of {first.target}. {lead}",

@@ -11,21 +11,10 @@ import numpy as np
 from calibrary.atomic import write_files
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.jobs.calibrate_watch.session import Watch, WatchedFrame, WatchStatus
-from calibrary.pages import (
-    Badge,
-    Block,
-    Bullets,
-    Column,
-    KeyValues,
-    Note,
-    Page,
-    Section,
-    Table,
-    Tone,
-    render_page,
-)
+from calibrary.pages import render_page
 from calibrary.pages.plots import Axis, heat_map
 from calibrary.probability import two_digits
+from calibrary.view import Badge, Block, Bullets, Column, KeyValues, Note, Section, Table, Tone, View
 
 REFRESH_S = 2
 BADGES = {
@@ -57,9 +46,9 @@ def watched(watch: Watch, page: Path | None, *, once: bool, every_s: float) -> I
         time.sleep(every_s)
 
 
-def watch_page(status: WatchStatus, frames: Sequence[WatchedFrame]) -> Page:
+def watch_page(status: WatchStatus, frames: Sequence[WatchedFrame]) -> View:
     """Make the page of the present status, and of the frames so far."""
-    return Page(
+    return View(
         title="Photographing a board",
         badge=BADGES[status.verdict],
         lead=f"{status.views} of {status.frames} frames count."

@@ -32,7 +32,9 @@ from calibrary.jobs.desk.running import (
     without_result,
 )
 from calibrary.jobs.desk.work import Job
-from calibrary.pages import (
+from calibrary.pages.wording import distortion_blocks, intrinsics_items, sentence
+from calibrary.records import from_json, replace
+from calibrary.view import (
     Badge,
     Block,
     Bullets,
@@ -42,12 +44,10 @@ from calibrary.pages import (
     KeyValues,
     Link,
     Note,
-    Page,
     Section,
     Tone,
+    View,
 )
-from calibrary.pages.wording import distortion_blocks, intrinsics_items, sentence
-from calibrary.records import from_json, replace
 
 AGAIN: Final = Link("Other boards", "/boards")
 CORNERS: Final = "corners.json"
@@ -69,7 +69,7 @@ ASKED: Final = (replace(BOARD, label="Board, if it is no checkerboard"), SQUARE,
 """Under the names of the command's flags."""
 
 
-def questions() -> Page:
+def questions() -> View:
     """Make the page that asks for frames."""
     place = Field(name="place", label="Folder", hint="its whole path on this machine", required=True)
     files = Field(name="files", label="Frames, or drop a folder here", type="file", several=True)
@@ -161,7 +161,7 @@ def so_far(job: Job) -> tuple[Section, ...]:
     return (verdict, *page.sections)
 
 
-def solved(job: Job, address: str, drop: Drop | None) -> Page:
+def solved(job: Job, address: str, drop: Drop | None) -> View:
     """Make the page of frames that were watched, solved or proposed.
 
     Args:
@@ -223,7 +223,7 @@ def _next(done: CalibrateReport, address: str) -> Iterator[Block]:
     yield proposal_form(address)
 
 
-def _watched(job: Job) -> Page:
+def _watched(job: Job) -> View:
     found = so_far(job)
     if job.code not in {0, 1} and not job.is_cancelled and not job.documents:
         return without_result(job, again=AGAIN)
@@ -245,7 +245,7 @@ def _watched(job: Job) -> Page:
     )
 
 
-def _proposed(job: Job) -> Page:
+def _proposed(job: Job) -> View:
     """What came of a confirmed proposal, as the command says it: the check of the registry may object."""
     good = "nothing was written" not in job.text and job.code in {0, 1} and not job.is_cancelled
     text = (

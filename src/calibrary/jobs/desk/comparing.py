@@ -21,11 +21,11 @@ from calibrary.jobs.diff.comparison import compare
 from calibrary.jobs.diff.page import comparison_page
 from calibrary.jobs.files import read_arguments
 from calibrary.jobs.fleet import Fleet
-from calibrary.pages import Badge, Code, Field, Form, Link, Note, Page, Section, Tone
 from calibrary.pages.wording import sentence
 from calibrary.policy import FLEET
 from calibrary.records import replace
 from calibrary.registry.paths import id_of
+from calibrary.view import Badge, Code, Field, Form, Link, Note, Section, Tone, View
 
 AGAIN: Final = Link("Compare others", "/compare")
 SIDES: Final = (("a", "A, the earlier"), ("b", "B, the later"))
@@ -36,7 +36,7 @@ HINT: Final = (
 )
 
 
-def questions(asked: Mapping[str, str], problem: str = "") -> Page:
+def questions(asked: Mapping[str, str], problem: str = "") -> View:
     """Make the page that asks what to compare.
 
     Args:
@@ -125,7 +125,7 @@ def _two(asked: Mapping[str, str]) -> Section:
 
 def compared(
     fleet: Fleet, place: Path, asked: Mapping[str, str], files: Mapping[str, Path], names: Mapping[str, str]
-) -> Page:
+) -> View:
     """Make the page of a comparison.
 
     Args:
@@ -214,7 +214,7 @@ def through_flights(registry: Path, folder: Path, asked: Mapping[str, str]) -> t
     ], f"The registry and the flights of {place}"
 
 
-def reported(job: Job, address: str, _: object) -> Page:
+def reported(job: Job, address: str, _: object) -> View:
     """Make the page of a command whose result is a report."""
     if job.is_cancelled or not (job.folder / REPORT).is_file():
         return without_result(job, again=AGAIN)

@@ -25,21 +25,10 @@ from calibrary.jobs.desk.work import Job
 from calibrary.jobs.extract.hand_off import TARGETS
 from calibrary.jobs.images.observation import Image, observe
 from calibrary.jobs.images.ranged import FIRST, Ranged
-from calibrary.pages import (
-    Badge,
-    Column,
-    Field,
-    Form,
-    Link,
-    Note,
-    Page,
-    Section,
-    Table,
-    Tone,
-)
 from calibrary.pages.wording import count, sentence
 from calibrary.parsers.files import is_image
 from calibrary.parsers.imagery.source import Source
+from calibrary.view import Badge, Column, Field, Form, Link, Note, Section, Table, Tone, View
 
 MATRIX: Final = "K_matrix.npy"
 MOST_FILES: Final = 100_000
@@ -206,7 +195,7 @@ def _safe(part: str) -> str:
     return f"_{kept}" if re.match(r"(?i)(con|prn|aux|nul|com\d|lpt\d)(\.|$)", kept) or not kept else kept
 
 
-def questions() -> Page:
+def questions() -> View:
     """Make the page that asks which flight."""
     programs = (("", "no program"), *((name, name) for name in TARGETS))
     program = Field(name="to", label="Also files for", choices=programs)
@@ -281,7 +270,7 @@ def command(registry: Path, folder: Path, asked: Mapping[str, str]) -> tuple[lis
     return words, f"Check of {place}"
 
 
-def checked(job: Job, address: str, drop: Drop | None) -> Page:
+def checked(job: Job, address: str, drop: Drop | None) -> View:
     """Make the page of a check that is over.
 
     Args:

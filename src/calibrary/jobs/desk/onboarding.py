@@ -27,8 +27,8 @@ from calibrary.jobs.desk.running import (
 from calibrary.jobs.desk.work import Job
 from calibrary.jobs.onboard.page import onboard_page
 from calibrary.jobs.onboard.report import Decision, OnboardReport
-from calibrary.pages import Block, Field, Form, Link, Note, Page, Section, Tone
 from calibrary.records import from_json, replace
+from calibrary.view import Block, Field, Form, Link, Note, Section, Tone, View
 
 AGAIN: Final = Link("Onboard another payload", "/onboard")
 ASKED: Final = (
@@ -62,7 +62,7 @@ OFTEN: Final = ASKED[:3]
 """What is asked beforehand; the rest is, once it is needed."""
 
 
-def questions() -> Page:
+def questions() -> View:
     """Make the page that asks what came with a payload."""
     # The entry has the hash of each file, so all of it is needed.
     whole = Field(name="whole", type="hidden", value="yes")
@@ -132,7 +132,7 @@ def _found(job: Job) -> OnboardReport:
     return from_json(OnboardReport, msgspec.json.decode(job.documents[-1]))
 
 
-def decided(job: Job, address: str, drop: Drop | None) -> Page:
+def decided(job: Job, address: str, drop: Drop | None) -> View:
     """Make the page of a payload that was looked at.
 
     Args:

@@ -53,7 +53,14 @@ from calibrary.jobs.site.camera_page import (
 from calibrary.jobs.site.folder import INDEX, Place
 from calibrary.jobs.use import Allowed, allowed
 from calibrary.known_camera import KnownCamera
-from calibrary.pages import (
+from calibrary.pages import Frame, render_page, served_policy
+from calibrary.pages.wording import cut_table, distortion_blocks, intrinsics_items, visible
+from calibrary.provenance import facts
+from calibrary.records import replace
+from calibrary.registry.history import of_path
+from calibrary.registry.paths import ROOT, SUFFIX, id_of
+from calibrary.registry.snapshot import Snapshot
+from calibrary.view import (
     Badge,
     Block,
     Bullets,
@@ -62,22 +69,13 @@ from calibrary.pages import (
     Details,
     Field,
     Form,
-    Frame,
     KeyValues,
     Link,
     Note,
-    Page,
     Section,
     Tone,
-    render_page,
-    served_policy,
+    View,
 )
-from calibrary.pages.wording import cut_table, distortion_blocks, intrinsics_items, visible
-from calibrary.provenance import facts
-from calibrary.records import replace
-from calibrary.registry.history import of_path
-from calibrary.registry.paths import ROOT, SUFFIX, id_of
-from calibrary.registry.snapshot import Snapshot
 
 WAYS: Final = (
     Link("Look up", "/"),
@@ -144,7 +142,7 @@ class Asked(Struct, frozen=True, kw_only=True):
             raise InputError(f"{text!r:.40} is no day; expected one such as 2026-05-01") from None
 
 
-Made = Callable[[Asked], Page | Response]
+Made = Callable[[Asked], View | Response]
 Command = Callable[[Path, Path, Mapping[str, str]], tuple[list[str], str]]
 """Makes the words of a command, and a title, from the registry, a folder for results and the fields of a form."""
 COMMANDS: Final[Mapping[str, Command]] = {
@@ -153,7 +151,7 @@ COMMANDS: Final[Mapping[str, Command]] = {
     "boards": boards.command,
 }
 """What is done with files that are dropped."""
-RESULTS: Final[Mapping[str, Callable[[Job, str, Drop | None], Page]]] = {
+RESULTS: Final[Mapping[str, Callable[[Job, str, Drop | None], View]]] = {
     "extract": flights.checked,
     "onboard": onboarding.decided,
     "calibrate": boards.solved,
@@ -272,9 +270,9 @@ class Pages:
             made = make(asked)
         except CalibraryError as error:
             return self._page(_problem(str(error)), 409 if isinstance(error, RegistryError) else 400)
-        return self._page(made) if isinstance(made, Page) else made
+        return self._page(made) if isinstance(made, View) else made
 
-    def _page(self, page: Page, code: int = 200) -> Response:
+    def _page(self, page: View, code: int = 200) -> Response:
         headers = {"content-security-policy": served_policy()}
         return HTMLResponse(render_page(page, frame=self._frame), code, headers=headers)
 
@@ -291,7 +289,7 @@ class Pages:
     def _about(self, fleet: Fleet) -> str:
         return f"The registry {self._place.name}, at commit {(fleet.commit or '')[:12]}."
 
-    def _look_up(self, asked: Asked) -> Page:
+    def _look_up(self, asked: Asked) -> View:
         fleet, words, stated = self._fleet, asked.text("q"), _stated(asked)
         answers: list[Section] = []
         if words or stated != CameraKey():
@@ -426,7 +424,7 @@ class Pages:
         finally:
             shutil.rmtree(folder, ignore_errors=True)
 
-    def _look_at(self, asked: Asked) -> Page:
+    def _look_at(self, asked: Asked) -> View:
         """The answer to one image."""
         fleet = self._fleet
         with self._sent(asked, "image") as (files, called):
@@ -440,7 +438,7 @@ class Pages:
             sections=(found, Section(title="Another", blocks=tuple(_questions("", "")))),
         )
 
-    def _compare(self, asked: Asked) -> Page | Response:
+    def _compare(self, asked: Asked) -> View | Response:
         texts = asked.texts
         if not asked.is_form and "altitude_m" not in texts and not (texts.get("a") and texts.get("b")):
             return comparing.questions(texts)
@@ -514,7 +512,7 @@ class Pages:
             shutil.rmtree(drop.folder.parent, ignore_errors=True)
         return {}
 
-    def _job(self, asked: Asked) -> Page:
+    def _job(self, asked: Asked) -> View:
         id_ = asked.path["id"]
         job, address = self._jobs.get(id_), f"/job/{id_}"
         if job.code is None:
@@ -548,10 +546,10 @@ class Pages:
             headers=headers,
         )
 
-    def _review(self, asked: Asked) -> Page:
+    def _review(self, asked: Asked) -> View:
         return queue(self._fleet, self._after(asked))
 
-    def _proposal(self, asked: Asked) -> Page:
+    def _proposal(self, asked: Asked) -> View:
         return proposal(self._fleet, asked.text("key"), self._after(asked))
 
     def _after(self, asked: Asked) -> tuple[Section, ...]:
@@ -587,7 +585,7 @@ class Pages:
         files = files_of(answer.calibration) if answer.calibration is not None else ()
         return _download(next((one for one in files if one.format == asked.path["format"]), None))
 
-    def _camera(self, asked: Asked) -> Page:
+    def _camera(self, asked: Asked) -> View:
         fleet = self._fleet
         snapshot, path = fleet.snapshot, _path(fleet.snapshot, asked.path["stem"])
         stored, id_ = snapshot.get(id_of(path)), id_of(path)
@@ -614,7 +612,7 @@ class Pages:
         first, *others = page.sections
         return replace(page, sections=(*self._after(asked), first, use, *decide, *others))
 
-    def _change(self, asked: Asked) -> Page:
+    def _change(self, asked: Asked) -> View:
         fleet = self._fleet
         path = _path(fleet.snapshot, asked.path["stem"])
         revisions = of_path(fleet.registry.repo, fleet.commit or "", path)
@@ -782,7 +780,7 @@ def _script(_: Asked) -> Response:
     return Response(text, media_type="text/javascript")
 
 
-def _problem(text: str, *more: Block) -> Page:
+def _problem(text: str, *more: Block) -> View:
     note = Note(
         text=text, tone=Tone.BAD, action=None if more else "nothing was changed; go back and try again"
     )

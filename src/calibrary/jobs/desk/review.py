@@ -20,7 +20,13 @@ from calibrary.jobs.diff.comparison import DiffReport
 from calibrary.jobs.diff.page import badge_of, comparison_sections
 from calibrary.jobs.fleet import Fleet
 from calibrary.jobs.fleet.changes import MATERIAL
-from calibrary.pages import (
+from calibrary.pages.wording import count, distortion_blocks, intrinsics_items, made_by
+from calibrary.provenance import facts
+from calibrary.registry.git.writing import identity
+from calibrary.registry.paths import PROPOSED
+from calibrary.registry.proposals import Proposal, Proposals
+from calibrary.validation import Severity
+from calibrary.view import (
     Badge,
     Block,
     Code,
@@ -31,17 +37,11 @@ from calibrary.pages import (
     KeyValues,
     Link,
     Note,
-    Page,
     Section,
     Table,
     Tone,
+    View,
 )
-from calibrary.pages.wording import count, distortion_blocks, intrinsics_items, made_by
-from calibrary.provenance import facts
-from calibrary.registry.git.writing import identity
-from calibrary.registry.paths import PROPOSED
-from calibrary.registry.proposals import Proposal, Proposals
-from calibrary.validation import Severity
 
 ALTITUDE_M: Final = 100.0
 TONES: Final = {Severity.ERROR: Tone.BAD, Severity.WARNING: Tone.CAUTION, Severity.UNPROVEN: Tone.CAUTION}
@@ -56,7 +56,7 @@ HINTS: Final = {
 """What to do in the desk, by words of a command's message."""
 
 
-def queue(fleet: Fleet, said: Sequence[Section] = ()) -> Page:
+def queue(fleet: Fleet, said: Sequence[Section] = ()) -> View:
     """Make the page of what waits.
 
     Args:
@@ -111,7 +111,7 @@ def _whom(matter: Matter) -> str:
     return "you" if matter.yours else ", ".join(matter.waits_for) or "anybody else"
 
 
-def proposal(fleet: Fleet, key: str, said: Sequence[Section] = ()) -> Page:
+def proposal(fleet: Fleet, key: str, said: Sequence[Section] = ()) -> View:
     """Make the page of one proposal, beside the entry that it would replace.
 
     Args:
@@ -146,7 +146,7 @@ def proposal(fleet: Fleet, key: str, said: Sequence[Section] = ()) -> Page:
         ("content", one.approves[:12]),
         ("you are", f"{person.name} <{person.email}>"),
     )
-    return Page(
+    return View(
         title=f"Proposal for {one.entry.calibration.camera}",
         badge=badge_of(compared) if compared is not None else Badge("new", Tone.NEUTRAL),
         lead=f"{one.entry.id}. What is in use stays in use until this is approved.",

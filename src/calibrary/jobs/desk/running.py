@@ -10,22 +10,9 @@ from urllib.parse import urlsplit
 
 from calibrary.errors import InputError
 from calibrary.jobs.desk.work import Job
-from calibrary.pages import (
-    Badge,
-    Block,
-    Code,
-    Details,
-    Field,
-    Form,
-    Link,
-    Note,
-    Page,
-    Running,
-    Section,
-    Tone,
-)
 from calibrary.pages.wording import made_by
 from calibrary.records import replace
+from calibrary.view import Badge, Block, Code, Details, Field, Form, Link, Note, Running, Section, Tone, View
 
 REPORT: Final = "report.html"
 DRY: Final = "--dry-run"
@@ -68,12 +55,12 @@ def how(job: Job, *, again: Link) -> tuple[Block, ...]:
     return (*((said,) if job.text.strip() else ()), again, Code(text=job.command, label=SAME))
 
 
-def desk_page(title: str, lead: str, sections: tuple[Section, ...], badge: Badge | None = None) -> Page:
+def desk_page(title: str, lead: str, sections: tuple[Section, ...], badge: Badge | None = None) -> View:
     """A page of the desk, too short for a table of contents."""
-    return Page(title=title, lead=lead, badge=badge, sections=sections, contents=False, made_by=made_by())
+    return View(title=title, lead=lead, badge=badge, sections=sections, contents=False, made_by=made_by())
 
 
-def running(job: Job, address: str, found: Sequence[Section] = ()) -> Page:
+def running(job: Job, address: str, found: Sequence[Section] = ()) -> View:
     """Make the page of a command that runs, or waits for a processor.
 
     Args:
@@ -99,7 +86,7 @@ def running(job: Job, address: str, found: Sequence[Section] = ()) -> Page:
     )
 
 
-def without_result(job: Job, *, again: Link, more: Section | None = None) -> Page:
+def without_result(job: Job, *, again: Link, more: Section | None = None) -> View:
     """Make the page of a command that was stopped, or failed, and which may be asked again with ``more`` said."""
     if job.is_cancelled:
         more, note = None, Note(text="Stopped; nothing was kept.")

@@ -11,7 +11,12 @@ from calibrary.calibration import Calibration
 from calibrary.jobs.diff.comparison import ChangeVerdict, DiffReport, Numbers, Parameter
 from calibrary.jobs.diff.fleet import EntryChange, FleetDiffReport
 from calibrary.jobs.diff.wording import chance, length, percent, pixels
-from calibrary.pages import (
+from calibrary.pages.plots.canvas import Axis, number
+from calibrary.pages.plots.svg_plots import amount_map, arrow_map
+from calibrary.pages.wording import count, made_by, minus, rounded, sentence
+from calibrary.provenance import facts
+from calibrary.records import replace
+from calibrary.view import (
     Badge,
     Block,
     Bullets,
@@ -21,17 +26,12 @@ from calibrary.pages import (
     KeyValues,
     Link,
     Note,
-    Page,
     Section,
     SideBySide,
     Table,
     Tone,
+    View,
 )
-from calibrary.pages.plots.canvas import Axis, number
-from calibrary.pages.plots.svg_plots import amount_map, arrow_map
-from calibrary.pages.wording import count, made_by, minus, rounded, sentence
-from calibrary.provenance import facts
-from calibrary.records import replace
 
 TONES = {
     ChangeVerdict.IDENTICAL: Tone.GOOD,
@@ -58,7 +58,7 @@ MOST_SECTIONS = 200
 """Most comparisons of a fleet shown in full, worst first."""
 
 
-def comparison_page(comparison: DiffReport, altitude_m: float) -> Page:
+def comparison_page(comparison: DiffReport, altitude_m: float) -> View:
     """Make the page of a comparison.
 
     Args:
@@ -67,7 +67,7 @@ def comparison_page(comparison: DiffReport, altitude_m: float) -> Page:
     """
     a, b = comparison.a, comparison.b
     camera = b.calibration.camera if b.calibration.camera.model is not None else a.calibration.camera
-    return Page(
+    return View(
         title=f"Has K moved? {camera}",
         badge=badge_of(comparison),
         lead=f"Use: {comparison.use.value}. {MEANINGS[comparison.verdict]}",
@@ -102,7 +102,7 @@ def comparison_sections(comparison: DiffReport, altitude_m: float) -> tuple[Sect
     return tuple(sections)
 
 
-def fleet_page(found: FleetDiffReport, title: str, altitude_m: float) -> Page:
+def fleet_page(found: FleetDiffReport, title: str, altitude_m: float) -> View:
     """Make the page of all changed cameras of a fleet.
 
     Args:
@@ -125,7 +125,7 @@ def fleet_page(found: FleetDiffReport, title: str, altitude_m: float) -> Page:
         for n, change in enumerate(changes[:MOST_SECTIONS])
     ]
     told = f"{count(len(changes), 'entry', 'entries')} changed, {alarms} to look at."
-    return Page(
+    return View(
         title=f"Has K moved? {title}",
         badge=Badge("look at it" if found.alarm else "nothing to look at", _tone(found)),
         lead=told if changes else nothing,

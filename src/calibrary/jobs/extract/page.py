@@ -15,24 +15,6 @@ from calibrary.jobs.extract.hand_off import seed_command
 from calibrary.jobs.extract.own import known_of
 from calibrary.jobs.extract.report import ExtractReport
 from calibrary.jobs.survey import Who
-from calibrary.pages import (
-    Badge,
-    Block,
-    Bullets,
-    Cell,
-    Code,
-    Column,
-    Details,
-    Figure,
-    KeyValues,
-    Link,
-    Note,
-    Page,
-    Section,
-    SideBySide,
-    Table,
-    Tone,
-)
 from calibrary.pages.plots import Axis, Band, Interval, Role, distortion_map, intervals, radial_curve
 from calibrary.pages.wording import (
     SEVERITIES,
@@ -50,6 +32,24 @@ from calibrary.policy import Policy
 from calibrary.provenance import facts
 from calibrary.sfm.pixel_check import PixelCheck, PixelVerdict
 from calibrary.validation import Report, Verdict
+from calibrary.view import (
+    Badge,
+    Block,
+    Bullets,
+    Cell,
+    Code,
+    Column,
+    Details,
+    Figure,
+    KeyValues,
+    Link,
+    Note,
+    Section,
+    SideBySide,
+    Table,
+    Tone,
+    View,
+)
 
 MOST_DRAWN: Final = 40
 """Most cameras with plots; more would make the page slow to create and to open."""
@@ -57,7 +57,7 @@ MOST_CAMERAS: Final = 500
 MOST_DUE: Final = 100
 
 
-def report_page(found: ExtractReport, checked: date | None = None) -> Page:
+def report_page(found: ExtractReport, checked: date | None = None) -> View:
     """Make the page of a run on a day."""
     # Cameras that need attention come first, because a page is read from the top.
     cameras = sorted(found.judged, key=lambda c: -list(Verdict).index(c.verdict))
@@ -70,7 +70,7 @@ def report_page(found: ExtractReport, checked: date | None = None) -> Page:
     counts = {verdict: sum(c.verdict is verdict for c in cameras) for verdict in Verdict}
     verdicts = ", ".join(f"{number} {verdict}" for verdict, number in counts.items() if number) or "none"
     good = found.exit_code == 0
-    return Page(
+    return View(
         title=f"Camera check: {count(len(cameras), 'camera')}",
         badge=Badge("every K is valid", Tone.GOOD) if good else Badge("needs attention", Tone.BAD),
         lead=f"{verdicts[0].upper()}{verdicts[1:]}, judged by the {found.policy} policy. "

@@ -18,22 +18,6 @@ from calibrary.jobs.onboard.report import (
     ProposedEntry,
     RelatedEntry,
 )
-from calibrary.pages import (
-    Badge,
-    Block,
-    Bullets,
-    Cell,
-    Column,
-    Details,
-    Figure,
-    KeyValues,
-    Note,
-    Page,
-    Section,
-    SideBySide,
-    Table,
-    Tone,
-)
 from calibrary.pages.plots import Axis, Interval, Role, distortion_map, intervals, radial_curve
 from calibrary.pages.wording import (
     SEVERITIES,
@@ -47,6 +31,22 @@ from calibrary.pages.wording import (
 )
 from calibrary.provenance import facts
 from calibrary.validation import Finding, Severity
+from calibrary.view import (
+    Badge,
+    Block,
+    Bullets,
+    Cell,
+    Column,
+    Details,
+    Figure,
+    KeyValues,
+    Note,
+    Section,
+    SideBySide,
+    Table,
+    Tone,
+    View,
+)
 
 STANDINGS: Final = {
     "proposed": Tone.NEUTRAL,
@@ -73,7 +73,7 @@ MOST_SOLVES: Final = 3
 """Most board calibrations shown with plots."""
 
 
-def onboard_page(done: OnboardReport) -> Page:
+def onboard_page(done: OnboardReport) -> View:
     """Make the page."""
     cameras = len(done.cameras)
     title = str(done.cameras[0].camera) if cameras == 1 else f"{cameras} cameras"
@@ -103,7 +103,7 @@ def onboard_page(done: OnboardReport) -> Page:
     for one in done.cameras:
         solves += sum(solve is not None and solve.result is not None for solve in (one.board, one.flight))
         sections.append(_camera(one, done, whole=solves <= MOST_SOLVES))
-    return Page(
+    return View(
         title=f"New payload: {title}",
         badge=badge,
         lead=lead,

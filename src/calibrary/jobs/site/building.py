@@ -27,7 +27,7 @@ from calibrary.jobs.site.camera_page import (
     steps,
 )
 from calibrary.jobs.site.folder import INDEX, MARKER, Place, replaced, way
-from calibrary.pages import Badge, Cell, Column, Link, Note, Page, Section, Table, Tone, render_page
+from calibrary.pages import render_page
 from calibrary.pages.wording import count, stds_of
 from calibrary.policy import Policy
 from calibrary.probability import two_digits
@@ -38,6 +38,7 @@ from calibrary.registry.git.history import Revision, histories, history
 from calibrary.registry.history import EntryRevision, of_path
 from calibrary.registry.paths import id_of, proposal_path
 from calibrary.registry.registry import Registry
+from calibrary.view import Badge, Cell, Column, Link, Note, Section, Table, Tone, View
 from calibrary.workers import mapped
 
 Progress = Callable[[int, int], None]
@@ -410,7 +411,7 @@ def listing(cards: Sequence[Card], policy: Policy, made_by: str) -> str:
             text="The registry contains no camera yet.", action="calibrary registry add FILE puts one in"
         )
         sections.insert(0, Section(title="Cameras", anchor="all-cameras", blocks=(empty,)))
-    page = Page(
+    page = View(
         title="Camera registry",
         lead=f"{'; '.join(parts)}. Checked against the {policy.name} policy.",
         sections=tuple(sections),

@@ -26,24 +26,6 @@ from calibrary.jobs.diff.comparison import DiffReport, compare
 from calibrary.jobs.diff.page import badge_of, comparison_sections
 from calibrary.jobs.diff.uncertainty import PRIORS, spread_of
 from calibrary.jobs.site.folder import INDEX, Place, way
-from calibrary.pages import (
-    Badge,
-    Block,
-    Bullets,
-    Cell,
-    Code,
-    Column,
-    Details,
-    Figure,
-    KeyValues,
-    Link,
-    Note,
-    Page,
-    Section,
-    SideBySide,
-    Table,
-    Tone,
-)
 from calibrary.pages.plots import Axis, displacement
 from calibrary.pages.plots.canvas import number
 from calibrary.pages.plots.history import Series, history
@@ -58,6 +40,24 @@ from calibrary.registry.fields import differences, entry_rows
 from calibrary.registry.git.history import Revision
 from calibrary.registry.history import EntryRevision
 from calibrary.registry.paths import slug
+from calibrary.view import (
+    Badge,
+    Block,
+    Bullets,
+    Cell,
+    Code,
+    Column,
+    Details,
+    Figure,
+    KeyValues,
+    Link,
+    Note,
+    Section,
+    SideBySide,
+    Table,
+    Tone,
+    View,
+)
 
 MOST_COMPARED: Final = 100
 """Most changes of one entry that get a page, newest first; few cameras are calibrated as often."""
@@ -135,7 +135,7 @@ def made_at(commit: Revision | None) -> str:
     )
 
 
-def step_page(step: Step, *, id_: str, place: Place) -> Page:
+def step_page(step: Step, *, id_: str, place: Place) -> View:
     """Make the page that compares one change of an entry's calibration.
 
     Args:
@@ -170,7 +170,7 @@ def step_page(step: Step, *, id_: str, place: Place) -> Page:
         found = comparison_sections(step.comparison, ALTITUDE_M)
         badge = badge_of(step.comparison)
     camera = after.entry.calibration.camera if after.entry is not None else id_
-    return Page(
+    return View(
         title=f"Change of {camera}",
         badge=badge,
         lead=f"A is the entry of {before.revision.authored:%Y-%m-%d}, B on "
@@ -415,7 +415,7 @@ def camera_page(
     changes: Sequence[Step],
     files: Sequence[Download],
     is_proposed: bool = False,
-) -> Page:
+) -> View:
     """Make the page of an entry.
 
     Args:
@@ -436,7 +436,7 @@ def camera_page(
     lead = f"Grade: {calibration.grade.value}, {_origin(calibration)}."
     if newest is not None:
         lead += f" Last changed on {newest.authored:%Y-%m-%d} by {newest.author.name}."
-    return Page(
+    return View(
         title=f"{entry.label}: {calibration.camera}" if entry.label is not None else str(calibration.camera),
         badge=Badge(entry.status.value, STATUSES[entry.status]),
         lead=lead,

@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from calibrary.arrays import FloatArray
 from calibrary.errors import InputError
-from calibrary.pages import Figure
 from calibrary.pages.palette import Colour
 from calibrary.pages.plots.canvas import Axis, as_points, as_values, draw, name, number
 from calibrary.quality import Covariance
+from calibrary.view import Figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike
 from calibrary.arrays import FloatArray
 from calibrary.calibration import Calibration, ImageSize
 from calibrary.errors import InputError
-from calibrary.pages import Figure
 from calibrary.pages.palette import Colour
 from calibrary.pages.plots.canvas import Axis, as_points, draw, frame_axes, number, thinned
+from calibrary.view import Figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike
 
 from calibrary.arrays import FloatArray
 from calibrary.errors import InputError
-from calibrary.pages import Figure
 from calibrary.pages.palette import Colour
 from calibrary.pages.plots.canvas import Axis, as_values, name
+from calibrary.view import Figure
 
 INK, MUTED, LINE = Colour.INK.light, Colour.MUTED.light, Colour.LINE.light
 ACCENT, SECOND = Colour.ACCENT.light, Colour.SECOND.light

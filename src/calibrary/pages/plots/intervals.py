@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 from msgspec import Struct
 
-from calibrary.pages import Figure
 from calibrary.pages.palette import Colour
 from calibrary.pages.plots.canvas import Axis, draw, name, number
+from calibrary.view import Figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -17,9 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 from calibrary.arrays import FloatArray
 from calibrary.calibration import ImageSize
 from calibrary.errors import InputError
-from calibrary.pages import Figure
 from calibrary.pages.palette import Colour
 from calibrary.pages.plots.canvas import Axis, name, number
+from calibrary.view import Figure
 
 INK, MUTED, SURFACE = Colour.INK.light, Colour.MUTED.light, Colour.SURFACE.light
 ACCENT, BAD = Colour.ACCENT.light, Colour.BAD.light
