@@ -37,7 +37,7 @@ REQUIRE_3_11 := import sys; sys.version_info >= (3, 11) or sys.exit("calibrary n
 %d.%d. Name a newer one (make PYTHON=python3.12), after removing $(VENV) if it is there." \
 % ((sys.executable,) + tuple(sys.version_info[:2])))
 
-.PHONY: help demo test test-floors test-thorough lint format size bench fuzz mutants schemas docs man pictures dist lock clean
+.PHONY: help demo test test-floors test-thorough lint format golden size bench fuzz mutants schemas docs man pictures dist lock clean
 .DEFAULT_GOAL := help
 
 help: ## List what can be made
@@ -86,6 +86,9 @@ lint: $(INSTALLED) ## Check style, format, types and the layers of imports
 format: $(INSTALLED) ## Put the code into the project's format
 	$(BIN)/ruff check --fix-only
 	$(BIN)/ruff format
+
+golden: $(INSTALLED) ## Keep all that the commands print and write now as what they should; git diff shows what that changes
+	GOLDEN=accept $(BIN)/pytest -q -n 0 tests/cli/test_outputs.py
 
 size: $(INSTALLED) ## Print how large each room is, beside its budget (ARGS=--lower lowers the budget to what is needed)
 	$(BIN)/python -m tests.house.size $(ARGS)

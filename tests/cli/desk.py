@@ -35,6 +35,7 @@ COMMANDS: dict[str, tuple[int, str]] = {
         0,
         "FIXED lens.yml",
     ),
+    "calibrate --from corners.json": (0, "FIXED coverage"),
     "calibrate --from corners.json --correlations": (0, "FIXED correlations coverage"),
     "calibrate rig --from rig/rig.json --lens-model k1k2p1p2 --out new/c/camchain.yaml": (
         1,
@@ -88,6 +89,98 @@ COMMANDS: dict[str, tuple[int, str]] = {
 """Each command, its exit code, and words of its result."""
 
 
+READING = (
+    "extract survey --dry-run",
+    "calibrate --from corners.json",
+    "registry show fc6310r/5472",
+    "registry show fc6310r/5472 --diff HEAD~7",
+    "registry log",
+    "registry log fc6310r/5472",
+    "registry resolve --make DJI --model FC6310R --image-size 5472x3648",
+    "registry check",
+    "registry audit survey",
+    "registry status",
+    "diff camera.xml later.xml",
+    "diff --since HEAD~6",
+    "inspect camera.xml",
+    "formats",
+    "formats colmap",
+    "catalogue",
+    "catalogue M3T",
+)
+"""Commands that say the same when they are run again."""
+
+REFUSED = {
+    1: ("formats nonsense", "catalogue nonsense"),
+    2: (
+        "nonsense",
+        "registry",
+        "extract survey --bogus",
+        "extract survey --sensor-width-mm -1",
+        "undistort small.png --keep everything",
+        "undistort small.png --calibration camera.xml --out",
+        "calibrate",
+        "calibrate --from corners.json --lens-model nonsense",
+        "calibrate rig nowhere",
+        "registry show fc6310r",
+        "registry approve fc6310r/5472 --bogus",
+        "registry add camera.xml --image-size 3x",
+        "registry set P4R-03 notes",
+        "diff camera.xml",
+        "inspect",
+        "convert camera.xml",
+        "convert camera.xml later.xml new",
+        "convert camera.xml x.yml",
+        "calibrate --from corners.json --out k.yml",
+    ),
+    3: (
+        "extract nowhere",
+        "extract empty",
+        "extract survey --policy nothing",
+        "extract survey --fallback-k camera.xml",
+        "extract survey --html page.txt",
+        "check survey nothing.xml",
+        "check survey/a.jpg",
+        "undistort small.png --calibration nothing.xml",
+        "calibrate empty --board checkerboard:9x6 --square-mm 40",
+        "calibrate empty --board chess:9x6 --square-mm 40",
+        "calibrate rig --from corners.json",
+        "calibrate board checkerboard:1x1 --square-mm 40 --out b.pdf",
+        "calibrate synth survey --board checkerboard:9x6 --square-mm 40",
+        "calibrate flight nowhere",
+        "onboard empty",
+        "registry add camera.xml",
+        "registry add survey/b.jpg --yes",
+        "registry list --where a=b",
+        "registry list --columns nothing",
+        "registry resolve --make DJI",
+        "registry audit nowhere",
+        "registry status nowhere",
+        "registry site survey",
+        "registry publish survey",
+        "registry set P4R-03 nothing=x",
+        "diff camera.xml nothing.xml",
+        "convert camera.xml x.yml --to colmap_txt",
+        "convert survey/b.jpg x.xml --to pix4d",
+        "demo camera.xml",
+    ),
+    4: (
+        "extract survey --registry nowhere",
+        "registry init new/fleet",
+        "registry approve fc6310r/5472 --digest 000000 --reason x",
+        "registry retire nothing --reason x",
+        "registry list --registry nowhere",
+        "registry show fc6310r@nothing",
+        "registry log nothing",
+        "registry resolve --make DJI --model FC9999 --image-size 5472x3648",
+        "registry check nothing",
+        "registry sync nowhere",
+        "diff --since nothing",
+    ),
+}
+"""What cannot be done, by exit code."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Printed:
     """What a command printed and how it ended."""
@@ -100,6 +193,16 @@ class Printed:
     def last(self) -> str:
         """The last line of the results."""
         return self.out.rstrip("\n").rpartition("\n")[2]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ran:
+    """What was printed at a desk by every command, by the reading ones as JSON, and by those that were refused."""
+
+    folder: Path
+    commands: dict[str, Printed]
+    documents: dict[str, Printed]
+    refused: dict[str, Printed]
 
 
 def furnish(folder: Path) -> None:

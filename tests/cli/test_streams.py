@@ -2,47 +2,22 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import re
-import subprocess
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from rich.cells import cell_len
 
 from calibrary.cli.main import build_parser, leaves
-from tests.cli.desk import COMMANDS, Printed, furnish, printed, terminal, unstyled
-from tests.registry.git.repositories import seclude
-
-READING = (
-    "extract survey --dry-run",
-    "calibrate --from corners.json --correlations",
-    "registry show fc6310r/5472",
-    "registry show fc6310r/5472 --diff HEAD~7",
-    "registry log",
-    "registry log fc6310r/5472",
-    "registry resolve --make DJI --model FC6310R --image-size 5472x3648",
-    "registry check",
-    "registry audit survey",
-    "registry status",
-    "diff camera.xml later.xml",
-    "diff --since HEAD~6",
-    "inspect camera.xml",
-    "formats",
-    "formats colmap",
-    "catalogue",
-    "catalogue M3T",
-)
-"""Commands that say the same when they are run again."""
+from tests.cli.desk import COMMANDS, READING, REFUSED, Ran, printed, terminal, unstyled
 
 ONE_LINE_A_ROW = ("extract survey --dry-run",)
 """Commands that leave out columns of their table, and say so, where a terminal is very narrow."""
 
 VERDICTS = {
     "extract survey --dry-run": r"2 cameras, judged by the fleet policy: 1 valid, 1 unproven",
-    "calibrate --from corners.json --correlations": r"FIXED ",
+    "calibrate --from corners.json": r"FIXED ",
     "registry check": r"good: ",
     "registry audit survey": r"needs attention: ",
     "registry status": r"2 for Ada Keeper; 2 entries",
@@ -60,109 +35,14 @@ ROWS = {
 }
 """Commands with a wide table, and a row of it."""
 
-REFUSED = {
-    1: ("formats nonsense", "catalogue nonsense"),
-    2: (
-        "nonsense",
-        "registry",
-        "extract survey --bogus",
-        "extract survey --sensor-width-mm -1",
-        "undistort small.png --keep everything",
-        "undistort small.png --calibration camera.xml --out",
-        "calibrate",
-        "calibrate --from corners.json --lens-model nonsense",
-        "calibrate rig nowhere",
-        "registry show fc6310r",
-        "registry approve fc6310r/5472 --bogus",
-        "registry add camera.xml --image-size 3x",
-        "registry set P4R-03 notes",
-        "diff camera.xml",
-        "inspect",
-        "convert camera.xml",
-        "convert camera.xml later.xml new",
-        "convert camera.xml x.yml",
-        "calibrate --from corners.json --out k.yml",
-    ),
-    3: (
-        "extract nowhere",
-        "extract empty",
-        "extract survey --policy nothing",
-        "extract survey --fallback-k camera.xml",
-        "extract survey --html page.txt",
-        "check survey nothing.xml",
-        "check survey/a.jpg",
-        "undistort small.png --calibration nothing.xml",
-        "calibrate empty --board checkerboard:9x6 --square-mm 40",
-        "calibrate empty --board chess:9x6 --square-mm 40",
-        "calibrate rig --from corners.json",
-        "calibrate board checkerboard:1x1 --square-mm 40 --out b.pdf",
-        "calibrate synth survey --board checkerboard:9x6 --square-mm 40",
-        "calibrate flight nowhere",
-        "onboard empty",
-        "registry add camera.xml",
-        "registry add survey/b.jpg --yes",
-        "registry list --where a=b",
-        "registry list --columns nothing",
-        "registry resolve --make DJI",
-        "registry audit nowhere",
-        "registry status nowhere",
-        "registry site survey",
-        "registry publish survey",
-        "registry set P4R-03 nothing=x",
-        "diff camera.xml nothing.xml",
-        "convert camera.xml x.yml --to colmap_txt",
-        "convert survey/b.jpg x.xml --to pix4d",
-        "demo camera.xml",
-    ),
-    4: (
-        "extract survey --registry nowhere",
-        "registry init new/fleet",
-        "registry approve fc6310r/5472 --digest 000000 --reason x",
-        "registry retire nothing --reason x",
-        "registry list --registry nowhere",
-        "registry show fc6310r@nothing",
-        "registry log nothing",
-        "registry resolve --make DJI --model FC9999 --image-size 5472x3648",
-        "registry check nothing",
-        "registry sync nowhere",
-        "diff --since nothing",
-    ),
-}
-"""What cannot be done, by exit code."""
-
-
-@pytest.fixture(scope="module")
-def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """A furnished folder, in which every command works on the registry that the table makes."""
-    folder = tmp_path_factory.mktemp("desk")
-    with pytest.MonkeyPatch.context() as patch:
-        seclude(patch, folder)
-        patch.chdir(folder)
-        patch.setenv("CALIBRARY_REGISTRY", str(folder / "new/fleet"))
-        furnish(folder)
-        subprocess.run(["git", "init", "--quiet", "--bare", "hub.git"], check=True, cwd=folder)
-        (folder / "empty").mkdir()
-        yield folder
-
-
-@pytest.fixture(scope="module")
-def ran(desk: Path) -> dict[str, Printed]:
-    """Every command of the table into a pipe, in its order."""
-    assert desk.is_dir()
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("COLUMNS", "40")
-        return {command: printed(command) for command in COMMANDS}
-
 
 def content(text: str) -> set[str]:
     return {line.strip() for line in text.splitlines() if line.strip()}
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_results_are_on_standard_output_and_not_on_standard_error(
-    ran: dict[str, Printed], command: str
-) -> None:
-    done, (code, words) = ran[command], COMMANDS[command]
+def test_results_are_on_standard_output_and_not_on_standard_error(ran: Ran, command: str) -> None:
+    done, (code, words) = ran.commands[command], COMMANDS[command]
     assert done.code == code, done.err + done.out
     for word in words.split():
         assert word in done.out
@@ -186,33 +66,33 @@ def test_every_command_is_in_the_table() -> None:
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_a_pipe_gets_no_blanks_at_line_ends(ran: dict[str, Printed], command: str) -> None:
-    assert padded(ran[command].out + ran[command].err) == []
+def test_a_pipe_gets_no_blanks_at_line_ends(ran: Ran, command: str) -> None:
+    assert padded(ran.commands[command].out + ran.commands[command].err) == []
 
 
 def test_help_has_no_blanks_at_line_ends() -> None:
     assert [leaf.prog for leaf in leaves(build_parser()) if padded(leaf.format_help())] == []
 
 
-@pytest.mark.usefixtures("ran")
-@pytest.mark.parametrize("code", REFUSED)
-def test_a_pipe_gets_a_refusal_in_one_line(code: int) -> None:
-    refused = {command: printed(command) for command in REFUSED[code]}
-    assert {command: done.code for command, done in refused.items() if done.code != code} == {}
+def test_a_pipe_gets_a_refusal_in_one_line(ran: Ran) -> None:
+    codes = {command: code for code, commands in REFUSED.items() for command in commands}
+    assert {command: done.code for command, done in ran.refused.items() if done.code != codes[command]} == {}
     in_one_line = re.compile(r"calibrary[^\n]*: [^\n]{10,}\n")
     others = {
-        command: done for command, done in refused.items() if done.out or not in_one_line.fullmatch(done.err)
+        command: done
+        for command, done in ran.refused.items()
+        if done.out or not in_one_line.fullmatch(done.err)
     }
     assert others == {}
-    assert padded("".join(done.err for done in refused.values())) == []
+    assert padded("".join(done.err for done in ran.refused.values())) == []
 
 
 @pytest.mark.parametrize("command", ROWS)
-def test_a_pipe_gets_a_row_of_a_table_in_one_line(ran: dict[str, Printed], command: str) -> None:
-    assert re.search(ROWS[command], ran[command].out, re.MULTILINE), ran[command].out
+def test_a_pipe_gets_a_row_of_a_table_in_one_line(ran: Ran, command: str) -> None:
+    assert re.search(ROWS[command], ran.commands[command].out, re.MULTILINE), ran.commands[command].out
 
 
-@pytest.mark.usefixtures("ran")
+@pytest.mark.usefixtures("desk")
 @pytest.mark.parametrize("command", READING)
 def test_the_same_is_said_on_a_terminal_of_every_width_and_no_word_is_broken(
     monkeypatch: pytest.MonkeyPatch, command: str
@@ -227,27 +107,21 @@ def test_the_same_is_said_on_a_terminal_of_every_width_and_no_word_is_broken(
         assert wide - words(text) == set(), width
 
 
+@pytest.mark.usefixtures("desk")
 @pytest.mark.parametrize("command", VERDICTS)
-def test_the_verdict_is_the_last_line(ran: dict[str, Printed], command: str) -> None:
-    done = printed(command) if command in READING else ran[command]
+def test_the_verdict_is_the_last_line(ran: Ran, command: str) -> None:
+    done = printed(command) if command in READING else ran.commands[command]
     assert re.match(VERDICTS[command], done.last), done.out
 
 
-def with_json(parser: argparse.ArgumentParser) -> bool:
-    return any("--json" in action.option_strings for action in parser._actions)
+def test_json_is_one_document_and_nothing_else(ran: Ran) -> None:
+    for command, done in ran.documents.items():
+        document, end = json.JSONDecoder().raw_decode(done.out)
+        assert isinstance(document, dict), command
+        assert done.out[end:] == "\n", command
 
 
-@pytest.mark.usefixtures("ran")
-@pytest.mark.parametrize("command", READING)
-def test_json_is_one_document_and_nothing_else(command: str) -> None:
-    flags = () if "--correlations" in command else ("--json",)
-    done = printed(command.replace("--correlations", "--json"), *flags)
-    document, end = json.JSONDecoder().raw_decode(done.out)
-    assert isinstance(document, dict)
-    assert done.out[end:] == "\n"
-
-
-@pytest.mark.usefixtures("ran")
+@pytest.mark.usefixtures("desk")
 @pytest.mark.parametrize("command", READING)
 def test_quiet_keeps_results_and_drops_remarks(command: str) -> None:
     loud, quiet = printed(command), printed(command, "--quiet")
@@ -255,7 +129,7 @@ def test_quiet_keeps_results_and_drops_remarks(command: str) -> None:
     assert quiet.err == ""
 
 
-@pytest.mark.usefixtures("ran")
+@pytest.mark.usefixtures("desk")
 def test_verbose_says_more_on_standard_error_and_the_same_on_standard_output() -> None:
     command = "convert camera.xml again.yml --to opencv_storage"
     short, long = printed(command), printed(command, "--verbose")
@@ -263,7 +137,7 @@ def test_verbose_says_more_on_standard_error_and_the_same_on_standard_output() -
     assert "calibrary: wrote again.yml (" in long.err
 
 
-@pytest.mark.usefixtures("ran")
+@pytest.mark.usefixtures("desk")
 def test_verbose_says_what_was_read_and_what_was_skipped_and_how_long_each_part_took() -> None:
     broken = Path("flight_with_a_broken_image")
     broken.mkdir(exist_ok=True)
