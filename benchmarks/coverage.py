@@ -241,11 +241,8 @@ def main() -> int:
                 worst, own = errors(result, truth, bulges)
                 tally.worst.append(worst)
                 tally.parameters += own
-                seen_by = result.evidence
-                tally.focal_std.append(
-                    seen_by.fx_std / seen_by.fx * math.sqrt(max(1.0, seen_by.kappa2 or 1.0))
-                )
-                tally.edge_px.append(seen_by.edge_px or math.inf)
+                tally.focal_std.append(result.evidence.sigma_focal)
+                tally.edge_px.append(result.evidence.edge_px or math.inf)
         far = float(np.mean(np.array(tally.worst) > FAR)) if tally.worst else 0.0
         near = float(np.mean(np.array(tally.parameters) < FAR)) if tally.parameters else 1.0
         missed |= far > MOST_FAR or near < LEAST_NEAR

@@ -13,12 +13,13 @@ from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calib.adjustment import Adjusted, reduce, scaled_solve
 from calibrary.calib.board import Board
 from calibrary.calib.board_shape import BoardShape, Stretch, stretch
+from calibrary.calib.budget import EXPECTED_KAPPA2, Budget, Part, budget_of
 from calibrary.calib.corners_file import corners_sha256
 from calibrary.calib.covariance import identifiability, lens_covariance
 from calibrary.calib.geometry import Geometry, geometry, inside_circle, near_corners, proven
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.lens_series import series_shift
-from calibrary.calib.misfit import corner_noise, misfit
+from calibrary.calib.misfit import Misfit, corner_noise, misfit
 from calibrary.calib.model_choice import CLEARLY, Candidate, RivalLens, WarpTest, sound_share, with_warp
 from calibrary.calib.network import State
 from calibrary.calib.observations import Observations, View
@@ -42,7 +43,7 @@ from calibrary.calib.result import (
 )
 from calibrary.calib.solve import Solution
 from calibrary.calib.variance_factor import SplitHalf, split_half
-from calibrary.calib.verdict import LIMITS, BoardVerdict, Departure, Evidence, Limits
+from calibrary.calib.verdict import BOARD, LIMITS, BoardVerdict, Departure, Evidence, Limits, Subject
 from calibrary.calib.verdict_rules import judge
 from calibrary.calibration import (
     Calibration,
@@ -89,6 +90,7 @@ class Solved(Struct, frozen=True, kw_only=True, eq=False):
         flat_shape: board shape estimated from the residuals of a flat board.
         joint: uncertainty, if the camera was solved together with other cameras or with scene points.
         versions: versions of the programs used; None for those of a board calibration.
+        subject: what it was calibrated from, in words.
     """
 
     observations: Observations
@@ -100,6 +102,7 @@ class Solved(Struct, frozen=True, kw_only=True, eq=False):
     flat_shape: BoardShape | None
     joint: Joint | None = None
     versions: Mapping[str, str] | None = None
+    subject: Subject = BOARD
 
 
 def assess(
@@ -126,11 +129,14 @@ def assess(
     # The warp is tested even if it was not to be estimated: the remaining residuals reveal other faults.
     untested = adjusted.network.is_planar and not solved.asked_warp
     tested, explained = with_warp(adjusted) if untested else (solution.warp, adjusted)
-    stretched = stretch(explained)
-    if solved.joint is not None:
-        covariance = solved.joint.covariance
-    else:
-        covariance = _own_covariance(solved, halves, stretched[1] if stretched is not None else None, limits)
+    stretched, noise = stretch(explained), corner_noise(usable)
+    faults = misfit(explained, usable.image_size, noise)
+    shifts: list[tuple[Part, FloatArray]] = []
+    if solved.joint is None:
+        shifts = _shifts(solved, halves, stretched[1] if stretched is not None else None, limits)
+    covariance = (
+        solved.joint.covariance if solved.joint is not None else _own_covariance(solved, halves, shifts)
+    )
     versions = solved.versions or programs("cv2")
     shown = geometry(adjusted, usable.image_size)
     calibration = _calibration(solved, covariance, halves, shown.coverage.fraction, versions)
@@ -164,12 +170,13 @@ def assess(
         quality,
         shown,
         views=views,
-        axial_focal=_axial_focal(adjusted.state, quality.covariance or covariance),
+        budget=_budget(adjusted.state, quality, quality.covariance or covariance, shifts, field),
         proven=where,
         departure=_departure(field, uncertainty, observations, corners),
         rival=rival,
         warp=tested,
-        explained=explained,
+        faults=faults,
+        noise=noise,
         longer=stretched[0] if stretched is not None else None,
     )
     findings = judge(judged, limits, policy)
@@ -203,21 +210,22 @@ def _evidence(  # noqa: PLR0913  one measurement each
     shown: Geometry,
     *,
     views: Sequence[ViewResult],
-    axial_focal: tuple[float, float],
+    budget: tuple[float, Budget],
     proven: Proven | None,
     departure: Departure | None,
     rival: tuple[Solvable, float] | None,
     warp: WarpTest | None,
-    explained: Adjusted,
+    faults: Misfit | None,
+    noise: float | None,
     longer: Stretch | None,
 ) -> Evidence:
-    """Collect the measurements for the verdict; ``explained`` is the solution with the warp that the test found."""
+    """Collect the measurements for the verdict."""
     usable, solution = solved.usable, solved.solution
-    adjusted, noise = solution.adjusted, corner_noise(usable)
+    adjusted = solution.adjusted
     weak = identifiability(adjusted)
-    fx, fx_std = axial_focal
     return Evidence(
         image_size=usable.image_size,
+        subject=solved.subject,
         is_board=adjusted.network.is_planar,
         views=quality.views or 0,
         views_shown=len(solved.observations.views),
@@ -227,8 +235,8 @@ def _evidence(  # noqa: PLR0913  one measurement each
         ),
         corners_out=sum(len(view.corners_out) for view in views),
         geometry=shown,
-        fx=fx,
-        fx_std=fx_std,
+        fx=budget[0],
+        budget=budget[1],
         kappa2=quality.kappa2,
         rms_px=adjusted.rms_px,
         noise_px=noise,
@@ -246,27 +254,72 @@ def _evidence(  # noqa: PLR0913  one measurement each
         shape=solved.shape,
         is_lifted=solution.is_lifted,
         stretch=longer,
-        misfit=misfit(explained, usable.image_size, noise),
+        misfit=faults,
         focus=usable.focus,
         unit=usable.board.unit,
     )
 
 
-def _own_covariance(
-    solved: Solved, halves: SplitHalf | None, stretched: FloatArray | None, limits: Limits
-) -> Covariance:
-    """Return the covariance of a camera solved alone, including the effect of models that were not used."""
-    solution, before, shape = solved.solution, solved.flat_shape, solved.shape
+def _shifts(
+    solved: Solved,
+    halves: SplitHalf | None,
+    stretched: FloatArray | None,
+    limits: Limits,
+) -> list[tuple[Part, FloatArray]]:
+    """Return by how much models that were not used would move the lens parameters, (n,) each."""
+    solution, before = solved.solution, solved.flat_shape
     contradicted = halves is not None and halves.kappa2 > limits.kappa2_wanted
+    shifts = []
     # If the views contradict one another, warp and lifts may have absorbed something other than the board's shape.
-    left_out = [before.shift] if before is not None and (contradicted or not solution.is_lifted) else []
-    left_out += [shift_by_warp(solution.adjusted)] if contradicted and solution.is_warped else []
-    left_out += [stretched] if stretched is not None else []
-    inflation = max(1.0, halves.kappa2) if halves is not None else 1.0
-    further = series_shift(solution.adjusted, solved.usable.image_size, inflation)
-    left_out += [further] if further is not None else []
-    stated = shape.covariance if shape is not None and solution.is_lifted else None
-    return _covariance(solution.adjusted, stated, left_out, inflation)
+    if before is not None and (contradicted or not solution.is_lifted):
+        shifts.append((Part.BOARD_SHAPE, before.shift))
+    if contradicted and solution.is_warped:
+        shifts.append((Part.BOARD_SHAPE, shift_by_warp(solution.adjusted)))
+    if stretched is not None:
+        shifts.append((Part.STRETCHED_PRINT, stretched))
+    further = series_shift(solution.adjusted, solved.usable.image_size, _inflation(halves))
+    if further is not None:
+        shifts.append((Part.LENS_SERIES, further))
+    return shifts
+
+
+def _inflation(halves: SplitHalf | None) -> float:
+    return max(1.0, halves.kappa2) if halves is not None else 1.0
+
+
+def _own_covariance(
+    solved: Solved, halves: SplitHalf | None, shifts: Sequence[tuple[Part, FloatArray]]
+) -> Covariance:
+    """Return the covariance of a camera solved alone: from the residuals, and about the choice of the model.
+
+    A shift d of the parameters under a larger model adds d·dᵀ (between-model variance of model averaging). It is not
+    noise, so it is divided here by the variance factor, which later multiplies the whole matrix. Where no halves can
+    be compared the residuals count as much more as they do in other sets.
+    """
+    C = lens_covariance(solved.solution.adjusted)
+    lifted = solved.shape is not None and solved.solution.is_lifted
+    matrix = solved.shape.covariance if lifted and solved.shape is not None else C.matrix
+    if halves is None:
+        matrix = matrix * EXPECTED_KAPPA2
+    between = sum((np.outer(shift, shift) for _, shift in shifts), np.zeros_like(matrix))
+    return Covariance.from_matrix(C.names, matrix + between / _inflation(halves))
+
+
+def _budget(
+    state: State,
+    quality: Quality,
+    covariance: Covariance,
+    shifts: Sequence[tuple[Part, FloatArray]],
+    field: Field | None,
+) -> tuple[float, Budget]:
+    """Return the focal length near the axis, px, and what its standard deviation consists of."""
+    focal, by = state.model.axial_focal(dict(zip(covariance.names, state.parameters.tolist(), strict=True)))
+    gradient = np.array([by.get(name, 0.0) for name in covariance.names]) / focal
+    moved = [(part, float(gradient @ shift)) for part, shift in shifts]
+    if field is not None and (field.is_of_lens or not field.is_significant):
+        moved.append((Part.LENS_DEPARTS, math.sqrt(max(float(gradient @ field.of_lens @ gradient), 0.0))))
+    variance = float(gradient @ covariance.matrix @ gradient) * quality.inflation
+    return focal, budget_of(variance, quality.inflation, moved, quality.views or 0)
 
 
 def shift_by_warp(adjusted: Adjusted) -> FloatArray:
@@ -280,26 +333,6 @@ def _better(solution: Solution) -> Candidate | None:
     own = next((one.criterion for one in solution.candidates if one.model is solution.state.model), math.inf)
     others = [one for one in solution.candidates if one.refused is not None and one.criterion < own - CLEARLY]
     return min(others, key=lambda one: one.criterion, default=None)
-
-
-def _covariance(
-    adjusted: Adjusted, stated: FloatArray | None, left_out: Sequence[FloatArray], inflation: float
-) -> Covariance:
-    """Return the covariance from the residuals plus the uncertainty about the choice of the model.
-
-    A shift d of the parameters under a larger model adds d·dᵀ (between-model variance of model averaging). It is not
-    noise, so it is divided here by the variance factor, which later multiplies the whole matrix.
-    """
-    C = lens_covariance(adjusted)
-    between = sum((np.outer(shift, shift) for shift in left_out), np.zeros_like(C.matrix))
-    return Covariance.from_matrix(C.names, (C.matrix if stated is None else stated) + between / inflation)
-
-
-def _axial_focal(state: State, covariance: Covariance) -> tuple[float, float]:
-    """Return the focal length near the axis and its standard deviation, both in px."""
-    focal, by = state.model.axial_focal(dict(zip(covariance.names, state.parameters.tolist(), strict=True)))
-    gradient = np.array([by.get(name, 0.0) for name in covariance.names])
-    return focal, math.sqrt(float(gradient @ covariance.matrix @ gradient))
 
 
 def _calibration(

@@ -68,12 +68,14 @@ class Rival(Record):
         left_px: standard deviation of a coordinate that remains unexplained, px.
         criterion: change of Schwarz's criterion relative to no fault; the lowest explains best.
         p: probability of such an improvement by noise alone.
+        focal: by how much the focal length would change, as a fraction; 0 for motion blur, which displaces no corner.
     """
 
     cause: Cause
     left_px: float
     criterion: float
     p: float
+    focal: float = 0.0
 
 
 class Misfit(Record):
@@ -121,13 +123,17 @@ def misfit(adjusted: Adjusted, image_size: ImageSize, noise_px: float | None) ->
     used = network.used
     residuals, by_pose = linear.residuals[used], linear.by_pose[used]
     by_global = linear.columns(len(adjusted.free))[used]
-    still, rank = _unexplained(residuals, by_global, by_pose)
-    n = network.scalars
+    still, rank, _ = _unexplained(residuals, by_global, by_pose)
+    n, state = network.scalars, adjusted.state
+    focal, by = state.model.axial_focal(
+        dict(zip(state.model.parameters, state.parameters.tolist(), strict=True))
+    )
+    by_lens = np.array([by.get(name, 0.0) for name in state.model.parameters])
     if n - rank < len(residuals):
         return None
     found = [] if (blur := _blur(adjusted, n, rank)) is None else [blur]
     for cause, globals_too, by_view in _faults(adjusted, image_size):
-        left, more = _unexplained(residuals, globals_too, by_view)
+        left, more, step = _unexplained(residuals, globals_too, by_view)
         dof, extra = n - more, more - rank
         if dof < extra or extra <= 0:
             continue
@@ -140,6 +146,7 @@ def misfit(adjusted: Adjusted, image_size: ImageSize, noise_px: float | None) ->
                 + extra * math.log(n)
                 + (2 * math.log(2) * len(residuals) if cause is Cause.TWO_CAMERAS else 0.0),
                 p=f_test(still, left, extra, dof)[1],
+                focal=float(by_lens @ step[: len(by_lens)]) / focal,
             )
         )
     return Misfit(
@@ -242,8 +249,10 @@ def _two_kinds(residuals: FloatArray, zoom: FloatArray) -> FloatArray:
     return np.asarray(wanted >= order[min(cut, len(order) - 1)], dtype=np.float64)
 
 
-def _unexplained(residuals: FloatArray, by_global: FloatArray, by_view: FloatArray) -> tuple[float, int]:
-    """Return (sum of squares in px² that remains after fitting all columns, number of parameters).
+def _unexplained(
+    residuals: FloatArray, by_global: FloatArray, by_view: FloatArray
+) -> tuple[float, int, FloatArray]:
+    """Return (sum of squares in px² that remains after fitting all columns, number of parameters, the common ones).
 
     Directions of the views that cannot be observed, as of a small board's motion, are left out.
     """
@@ -258,9 +267,11 @@ def _unexplained(residuals: FloatArray, by_global: FloatArray, by_view: FloatArr
     both -= U @ (U.transpose(0, 2, 1) @ both)
     e, flat = both[..., -1], both[..., :-1].reshape(residuals.size, -1)
     size = np.linalg.norm(flat, axis=0)
-    unit = flat / np.where(size > 0, size, 1.0)
+    size = np.where(size > 0, size, 1.0)
+    unit = flat / size
     solution = np.linalg.lstsq(unit, e.ravel(), rcond=1e-10)
-    return float(((e.ravel() - unit @ solution[0]) ** 2).sum()), int(sure.sum()) + int(solution[2])
+    left = float(((e.ravel() - unit @ solution[0]) ** 2).sum())
+    return left, int(sure.sum()) + int(solution[2]), solution[0] / size
 
 
 def corner_noise(observations: Observations) -> float | None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Mapping
 from enum import StrEnum
 from typing import Final, Self
@@ -10,6 +9,7 @@ from typing import Final, Self
 from msgspec import Struct
 
 from calibrary.calib.board_shape import BoardShape, Stretch
+from calibrary.calib.budget import Budget
 from calibrary.calib.geometry import Geometry
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.misfit import Misfit
@@ -57,11 +57,14 @@ class Limits(Record):
     know, from measurements on rendered and real sets.
 
     Attributes:
-        views_wanted: number of used views with different poses.
+        views_fixed: number of used views with different poses of a K that is kept fixed: from halves of fewer than five
+            views κ itself is uncertain.
+        views_wanted: number of them that a session should have.
         tilt_needed_deg, tilt_wanted_deg: spread of the board normals in degrees. At 0.5°, fx had an error of ten
             percent and a σ of almost nothing.
-        kappa2_wanted: largest variance factor. Above it the views contradict one another, and multiplying σ by κ does
-            not cover what they disagree about everywhere.
+        kappa2_wanted: largest variance factor of views that do not contradict one another.
+        kappa2_fixed: largest variance factor of a K that is kept fixed. Up to it σ × κ covers what the views disagree
+            about: of 43 pairs of halves of 15 real sets none is beyond 3 joint σ. Nine of ten real sets are below it.
         near_needed: share of the image with a corner nearby; with less, the distortion is a guess.
         condition_needed: condition of the normal matrix, except for models with nearly interchangeable terms.
         rms_wanted, rms_needed: RMS residual relative to the noise of single corners.
@@ -73,10 +76,12 @@ class Limits(Record):
         nearest_mm, farthest_mm: plausible distances of a board; otherwise the square was given in another unit.
     """
 
+    views_fixed: int = 10
     views_wanted: int = 15
     tilt_needed_deg: float = 5.0
     tilt_wanted_deg: float = 20.0
     kappa2_wanted: float = 2.0
+    kappa2_fixed: float = 14.0
     near_needed: float = 0.1
     condition_needed: float = 1e8
     rms_wanted: float = 3.0
@@ -92,6 +97,8 @@ class Limits(Record):
 
 
 LIMITS: Final = Limits()
+FOCAL: Final = "uncertain-focal-length"
+"""Rule of the focal length's standard deviation."""
 
 
 class Departure(Struct, frozen=True, kw_only=True):
@@ -113,18 +120,38 @@ class Departure(Struct, frozen=True, kw_only=True):
     is_of_lens: bool
 
 
+class Subject(Struct, frozen=True, kw_only=True):
+    """What a camera was calibrated from, in words.
+
+    Attributes:
+        view, point: one of its images, and of what they show.
+        frames: the images as files.
+        remedies: what to do by rule, where that differs from what it is with a board.
+    """
+
+    view: str
+    point: str
+    frames: str
+    remedies: Mapping[str, str] = {}
+
+
+BOARD: Final = Subject(view="view", point="corner", frames="frames")
+
+
 class Evidence(Struct, frozen=True, kw_only=True):
     """Measurements that a verdict is based on.
 
     Attributes:
         image_size: (width, height) px.
+        subject: what the views show, in words.
         is_board: whether the points are on a board.
         views: number of used views.
         views_shown: number of input views.
         repeats: number of views with the same pose as another.
         views_out, corners_out: numbers of views and corners rejected as outliers.
         geometry: geometry of the views.
-        fx, fx_std: focal length near the axis and its standard deviation without the variance factor, px.
+        fx: focal length near the axis, px.
+        budget: what its standard deviation consists of.
         kappa2: variance factor; None if there were too few views.
         rms_px: RMS residual, px.
         noise_px: noise of one coordinate from neighbouring corners, px.
@@ -148,6 +175,7 @@ class Evidence(Struct, frozen=True, kw_only=True):
     """
 
     image_size: ImageSize
+    subject: Subject
     is_board: bool
     views: int
     views_shown: int
@@ -156,7 +184,7 @@ class Evidence(Struct, frozen=True, kw_only=True):
     corners_out: int
     geometry: Geometry
     fx: float
-    fx_std: float
+    budget: Budget
     kappa2: float | None
     rms_px: float
     noise_px: float | None
@@ -186,7 +214,7 @@ class Evidence(Struct, frozen=True, kw_only=True):
     @property
     def sigma_focal(self) -> float:
         """Standard deviation of the focal length as a fraction of it, with the variance factor."""
-        return self.fx_std / self.fx * math.sqrt(max(1.0, self.kappa2 or 1.0))
+        return self.budget.total
 
     def length(self, value: float, sign: str = "") -> str:
         """Return a length on the board with its unit."""
@@ -197,12 +225,14 @@ class AskedUse(StrEnum):
     """A use that a calibration is asked for."""
 
     FIXED = "fixed"
+    MAP = "map"
     START = "start"
     METROLOGY = "metrology"
 
 
 WORDS: Final[Mapping[AskedUse, str]] = {
     AskedUse.FIXED: "keep it fixed",
+    AskedUse.MAP: "keep it fixed for maps placed by GNSS alone",
     AskedUse.START: "start from it",
     AskedUse.METROLOGY: "measure with it",
 }
@@ -264,6 +294,11 @@ class Uses(Record):
         """Return the check of a use."""
         return next(one for one in self.checks if one.use is use)
 
+    def shown(self, asked: AskedUse) -> tuple[UseCheck, ...]:
+        """Return the checks that answer who asked for a use: maps count where K is not kept fixed anyway."""
+        beside = {AskedUse.START, asked} | (set() if self.of(AskedUse.FIXED).holds else {AskedUse.MAP})
+        return tuple(one for one in self.checks if one.use in {AskedUse.FIXED, *beside})
+
 
 def uses_of(evidence: Evidence, findings: Iterable[Finding], policy: Policy) -> Uses:
     """Return what a judged calibration is good for.
@@ -279,6 +314,7 @@ def uses_of(evidence: Evidence, findings: Iterable[Finding], policy: Policy) -> 
     height_cm = 100 * policy.flying_height_m * evidence.sigma_focal
     known = _numbers(evidence, policy, height_cm)
     loose = tuple(_too_loose(proven, evidence.sigma_focal, policy))
+    for_maps = tuple(_against_maps(unproven, evidence.sigma_focal, policy))
     return Uses(
         sigma_px=proven.sigma_px if proven is not None else None,
         edge_px=proven.edge_px if proven is not None else None,
@@ -291,6 +327,7 @@ def uses_of(evidence: Evidence, findings: Iterable[Finding], policy: Policy) -> 
         position_cm=_on_ground(proven, evidence.fx, policy),
         checks=(
             _check(AskedUse.FIXED, known, (*errors, *unproven)),
+            _check(AskedUse.MAP, _height(height_cm, policy, policy.map_sigma_focal), (*errors, *for_maps)),
             _check(AskedUse.START, f"f is known to {evidence.sigma_focal:.2%}", errors),
             _check(AskedUse.METROLOGY, known, (*errors, *unproven, *loose)),
         ),
@@ -303,9 +340,7 @@ def _check(use: AskedUse, known: str, against: tuple[str, ...]) -> UseCheck:
 
 
 def _numbers(e: Evidence, policy: Policy, height_cm: float) -> str:
-    height = f"{two_digits(height_cm)} cm of height at {policy.flying_height_m:g} m (limit "
-    height += f"{two_digits(100 * policy.flying_height_m * policy.fixed_sigma_focal)} cm)"
-    proven = e.proven
+    height, proven = _height(height_cm, policy, policy.fixed_sigma_focal), e.proven
     if proven is None:
         return f"σ over the frame is unknown, {height}"
     image = "image circle" if proven.circle_px is not None else "frame"
@@ -314,6 +349,18 @@ def _numbers(e: Evidence, policy: Policy, height_cm: float) -> str:
         return f"no part of the {image} is proven to {policy.fixed_sigma_px:g} px, {height}"
     edge = f", {two_digits(proven.edge_px)} px at its edge" if proven.edge_px > policy.fixed_sigma_px else ""
     return f"{two_digits(proven.sigma_px)} px within {proven.radius_px:.0f} px of the middle{edge} ({limit}), {height}"
+
+
+def _height(height_cm: float, policy: Policy, sigma_focal: float) -> str:
+    limit = two_digits(100 * policy.flying_height_m * sigma_focal)
+    return f"{two_digits(height_cm)} cm of height at {policy.flying_height_m:g} m (limit {limit} cm)"
+
+
+def _against_maps(unproven: Iterable[str], sigma_focal: float, policy: Policy) -> Iterator[str]:
+    """Yield what forbids a K in maps whose heights GNSS alone places: only the limit of the focal length is wider."""
+    yield from (rule for rule in unproven if rule != FOCAL)
+    if not sigma_focal <= policy.map_sigma_focal:
+        yield f"above {policy.map_sigma_focal:.2%} of f"
 
 
 def _on_ground(proven: Proven | None, fx: float, policy: Policy) -> float | None:

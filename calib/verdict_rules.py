@@ -6,14 +6,19 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Final
 
+from calibrary.calib.budget import Part
 from calibrary.calib.misfit import Cause
 from calibrary.calib.rejection import in_px
-from calibrary.calib.verdict import LIMITS, Evidence, Limits
+from calibrary.calib.verdict import FOCAL, LIMITS, Evidence, Limits
 from calibrary.calibration import ImageSize
 from calibrary.policy import FLEET, Policy
 from calibrary.probability import two_digits, whole_percent
 from calibrary.quality import Proven
+from calibrary.records import replace
 from calibrary.validation import Finding, Severity
+
+DISAGREE: Final = 1.5
+"""Factor κ on the noise above which the views' disagreement is the thing to mend."""
 
 
 def judge(evidence: Evidence, limits: Limits = LIMITS, policy: Policy = FLEET) -> tuple[Finding, ...]:
@@ -26,7 +31,8 @@ def judge(evidence: Evidence, limits: Limits = LIMITS, policy: Policy = FLEET) -
         *_departs(evidence, policy),
         *_known(evidence, limits, policy),
     )
-    return graver_first(found)
+    remedies = evidence.subject.remedies
+    return graver_first(replace(one, remedy=remedies.get(one.rule, one.remedy)) for one in found)
 
 
 def graver_first(findings: Iterable[Finding]) -> tuple[Finding, ...]:
@@ -36,13 +42,16 @@ def graver_first(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 
 
 def _views(e: Evidence, limits: Limits) -> Iterator[Finding]:
-    if e.is_board:
-        yield from at_least(
-            "few-views",
-            e.views,
-            (0, limits.views_wanted),
-            f"{e.views} views count, need {limits.views_wanted} to keep K fixed",
-            "take more, each with the board somewhere else",
+    if e.is_board and e.views < limits.views_wanted:
+        yield Finding(
+            rule="few-views",
+            # What few views do not know is in σ, if there are enough to compare one half with the other.
+            severity=Severity.UNPROVEN if e.views < limits.views_fixed else Severity.NOTE,
+            measured=e.views,
+            limit=limits.views_fixed,
+            message=f"{e.views} views count; K is kept fixed from {limits.views_fixed}, and "
+            f"{limits.views_wanted} are a good session",
+            remedy="take more, each with the board somewhere else",
         )
     if e.repeats:
         yield Finding(
@@ -64,7 +73,7 @@ def _rejected(e: Evidence, limits: Limits) -> Iterator[Finding]:
             severity=Severity.UNPROVEN if severe else Severity.NOTE,
             measured=share,
             limit=limits.lost_views_wanted,
-            message=f"{_outliers(e.views_out, 'view')}: residuals far larger than the others', because "
+            message=f"{_outliers(e.views_out, e.subject.view)}: residuals far larger than the others', because "
             "the camera moved or corners are wrong",
             remedy="look at these frames",
         )
@@ -73,8 +82,8 @@ def _rejected(e: Evidence, limits: Limits) -> Iterator[Finding]:
             rule="corners-rejected",
             severity=Severity.NOTE,
             measured=e.corners_out,
-            message=f"{_outliers(e.corners_out, 'single corner')}: glare, shadow or something in "
-            "front of the board",
+            message=_outliers(e.corners_out, f"single {e.subject.point}")
+            + (": glare, shadow or something in front of the board" if e.is_board else ""),
         )
 
 
@@ -99,8 +108,8 @@ def _coverage(e: Evidence, limits: Limits) -> Iterator[Finding]:
             severity=Severity.ERROR,
             measured=e.near,
             limit=limits.near_needed,
-            message=f"corners lie near {whole_percent(e.near)} of the {_image(e)}, need {limits.near_needed:.0%}: the "
-            "distortion of the rest is a guess",
+            message=f"{e.subject.point}s lie near {whole_percent(e.near)} of the {_image(e)}, "
+            f"need {limits.near_needed:.0%}: the distortion of the rest is a guess",
             remedy=_where(e),
         )
     where_seen, everywhere = e.sound
@@ -110,8 +119,9 @@ def _coverage(e: Evidence, limits: Limits) -> Iterator[Finding]:
             severity=Severity.ERROR,
             measured=where_seen,
             limit=1.0,
-            message="the distortion is not monotonic where corners were seen, so part of the image has no direction",
-            remedy="hold the board into the corners, or choose a simpler model",
+            message=f"the distortion is not monotonic where {e.subject.point}s were seen, so part of the image has no "
+            "direction",
+            remedy=_where(e),
         )
     elif everywhere < 1:
         yield Finding(
@@ -119,8 +129,8 @@ def _coverage(e: Evidence, limits: Limits) -> Iterator[Finding]:
             severity=Severity.NOTE if limits.edge_wanted_px is None else Severity.UNPROVEN,
             measured=everywhere,
             limit=1.0,
-            message=f"the model gives {two_digits(100 * (1 - everywhere))}% of the frame no direction; no corner was "
-            "seen there",
+            message=f"the model gives {two_digits(100 * (1 - everywhere))}% of the frame no direction; no "
+            f"{e.subject.point} was seen there",
             remedy="where the lens shows an image there: hold the board into it",
         )
 
@@ -145,7 +155,7 @@ def _known(e: Evidence, limits: Limits, policy: Policy) -> Iterator[Finding]:
             severity=Severity.UNPROVEN,
             message="the standard deviation over the frame cannot be computed: the parameters are all but "
             "interchangeable",
-            remedy="choose a simpler model, or take more views",
+            remedy="take more views, each with the board somewhere else",
         )
     elif not proven.share >= policy.fixed_share:
         known = f"{whole_percent(proven.share)} of the {_image(e)} is proven to {policy.fixed_sigma_px:g} px"
@@ -156,19 +166,90 @@ def _known(e: Evidence, limits: Limits, policy: Policy) -> Iterator[Finding]:
             measured=proven.share,
             limit=policy.fixed_share,
             message=f"{known}, need {policy.fixed_share:.0%} to keep K fixed"
-            + (f"; corners were seen near {whole_percent(e.near)} of it" if wide else ""),
-            remedy="take more views, with more tilt, or choose a simpler model" if wide else _where(e),
+            + (f"; {e.subject.point}s were seen near {whole_percent(e.near)} of it" if wide else ""),
+            remedy=_to_narrow(e, policy) if wide else _where(e),
         )
     elif proven.edge_px > policy.fixed_sigma_px:
         yield _edge(e, proven, limits.edge_wanted_px, policy.fixed_sigma_px)
-    focal = math.ceil(e.sigma_focal * 1e4 - 1e-9) / 1e4 if math.isfinite(e.sigma_focal) else e.sigma_focal
     yield from at_most(
-        "uncertain-focal-length",
+        FOCAL,
         e.sigma_focal,
         (policy.fixed_sigma_focal, policy.start_sigma_focal),
-        f"the standard deviation of the focal length is {focal:.2%}, need {policy.fixed_sigma_focal:.2%} to "
-        "keep K fixed",
-        "take more views, with more tilt",
+        f"the standard deviation of the focal length is {_percent(e.sigma_focal)}, need "
+        f"{policy.fixed_sigma_focal:.2%} to keep K fixed: {_made_of(e)}",
+        _to_narrow(e, policy),
+    )
+
+
+def _percent(share: float) -> str:
+    """Return a standard deviation in percent, never rounded to less than it is."""
+    return f"{math.ceil(share * 1e4 - 1e-9) / 1e4:.2%}" if math.isfinite(share) else f"{share}"
+
+
+_SOURCES: Final[Mapping[Part, str]] = {
+    Part.NOISE: "noise",
+    Part.BOARD_SHAPE: "the shape of the board",
+    Part.STRETCHED_PRINT: "the scale of the print",
+    Part.LENS_SERIES: "further terms of the lens",
+    Part.LENS_DEPARTS: "what the lens departs from its model by",
+}
+
+
+def _made_of(e: Evidence) -> str:
+    """Return the largest parts of the focal length's standard deviation."""
+    parts = [f"{_percent(e.budget.parts[part])} from {_SOURCES[part]}" for part in e.budget.largest]
+    if Part.NOISE in e.budget.largest and e.budget.kappa > DISAGREE:
+        at, own = e.budget.largest.index(Part.NOISE), e.budget.parts[Part.NOISE] / e.budget.kappa
+        parts[at] += f" ({_percent(own)} × {e.budget.kappa:.1f}, as the {e.subject.view}s disagree)"
+    return " and ".join(parts)
+
+
+def _to_narrow(e: Evidence, policy: Policy) -> str:
+    """Return what removes the largest parts of the focal length's standard deviation, and what it is then."""
+    budget = e.budget
+    steps = [
+        f"{_removing(part, e, policy)}: {_percent(_removed(part, e, policy))} then" for part in budget.largest
+    ]
+    return "; ".join(steps)
+
+
+def _removing(part: Part, e: Evidence, policy: Policy) -> str:
+    match part:
+        case Part.BOARD_SHAPE:
+            return "glue the print to glass or aluminium"
+        case Part.STRETCHED_PRINT:
+            return "measure the print along both sides, and print it to scale"
+        case Part.LENS_SERIES:
+            return _where(e)
+        case Part.LENS_DEPARTS:
+            return "choose another lens model"
+        case Part.NOISE if e.budget.kappa > DISAGREE:
+            return _to_agree(e)
+        case Part.NOISE:
+            return f"take {_enough(e, policy)} views like these {e.budget.views}"
+
+
+def _removed(part: Part, e: Evidence, policy: Policy) -> float:
+    """Return the standard deviation once a part is mended; noise remains, of views that agree or of more views."""
+    if part is not Part.NOISE:
+        return e.budget.without(part)
+    noise = e.budget.parts[part]
+    less = e.budget.kappa if e.budget.kappa > DISAGREE else math.sqrt(_enough(e, policy) / e.budget.views)
+    return math.hypot(e.budget.without(part), noise / less)
+
+
+def _enough(e: Evidence, policy: Policy) -> int:
+    """Return how many views reach the limit, but at most four times as many as there are, which halve the noise."""
+    most = 4 * e.budget.views
+    return min(e.budget.views_for(policy.fixed_sigma_focal) or most, most)
+
+
+def _to_agree(e: Evidence) -> str:
+    """Return what keeps views from disagreeing: the remedy of what the residuals show, or what usually does."""
+    likely = e.misfit.likely if e.misfit is not None else ()
+    return (
+        " or ".join(_CAUSES[one.cause][1] for one in likely)
+        or "keep camera and board still, and the board flat"
     )
 
 
@@ -176,7 +257,9 @@ def _edge(e: Evidence, proven: Proven, wanted: float | None, fixed: float) -> Fi
     harms = wanted is not None and proven.edge_px > wanted
     unseen, share = whole_percent(1 - e.near), f"{whole_percent(proven.share)} of the {_image(e)}"
     where = (
-        f"elsewhere (no corner was seen in {unseen} of the {_image(e)})" if e.near <= 0.99 else "elsewhere"
+        f"elsewhere (no {e.subject.point} was seen in {unseen} of the {_image(e)})"
+        if e.near <= 0.99
+        else "elsewhere"
     )
     message = (
         f"K is proven within {proven.radius_px:.0f} px of the middle ({share}); {where} the standard deviation of a "
@@ -186,9 +269,8 @@ def _edge(e: Evidence, proven: Proven, wanted: float | None, fixed: float) -> Fi
         message += f", need {wanted:g} px to keep K fixed"
     if e.rival is not None and e.rival[1] > fixed:
         lens, px = e.rival
-        message += (
-            f": a {lens.value} lens explains the views as well, and differs by up to {two_digits(px)} px"
-        )
+        message += f": a {lens.value} lens explains the {e.subject.view}s as well, and differs by up to "
+        message += f"{two_digits(px)} px"
     return Finding(
         rule="uncertain-edge",
         severity=Severity.UNPROVEN if harms else Severity.NOTE,
@@ -205,8 +287,8 @@ def _determined(e: Evidence, limits: Limits) -> Iterator[Finding]:
             "undetermined",
             e.condition,
             (limits.condition_needed, limits.condition_needed),
-            f"the views hardly separate {', '.join(e.culprits) or 'the parameters'}",
-            "tilt the board about both axes and fill the frame, or choose a simpler model",
+            f"the {e.subject.view}s hardly separate {', '.join(e.culprits) or 'the parameters'}",
+            "tilt the board about both axes and fill the frame",
         )
 
 
@@ -239,8 +321,8 @@ def _lens(e: Evidence, limits: Limits) -> Iterator[Finding]:
         yield Finding(
             rule="lens-model",
             severity=Severity.UNPROVEN,
-            message=f"the corners ask for a {e.better.model.value} lens (RMS {e.better.rms_px:.3f} instead of "
-            f"{e.rms_px:.3f} px), which was not taken: {e.better.refused}",
+            message=f"the {e.subject.point}s ask for a {e.better.model.value} lens (RMS {e.better.rms_px:.3f} "
+            f"instead of {e.rms_px:.3f} px), which was not taken: {e.better.refused}",
             remedy="take more views, with the board in the corners of the frame",
         )
 
@@ -258,15 +340,16 @@ def _halves(e: Evidence, limits: Limits) -> Iterator[Finding]:
     if not e.kappa2 <= limits.kappa2_wanted:
         # What the lens departs from its model by is in σ where it lies, if it is all that the views disagree about.
         explained = e.departure is not None and e.departure.is_of_lens
+        harms = not e.kappa2 <= limits.kappa2_fixed and not explained
         yield Finding(
             rule="unstable",
-            severity=Severity.NOTE if explained else Severity.UNPROVEN,
+            severity=Severity.UNPROVEN if harms else Severity.NOTE,
             measured=e.kappa2,
-            limit=limits.kappa2_wanted,
-            message=f"the variance factor is {e.kappa2:.1f}; above {limits.kappa2_wanted:g} K is not kept fixed. "
-            "Halves of the views differ by that many times the variance they state: multiply every σ by "
-            f"{math.sqrt(max(e.kappa2, 1.0)):.1f} (σ × κ)",
-            remedy="mount the board on glass or aluminium, use a tripod",
+            limit=limits.kappa2_fixed,
+            message=f"the variance factor is {e.kappa2:.1f}: halves of the {e.subject.view}s differ by that many times "
+            f"the variance they state, so every σ is multiplied by {math.sqrt(max(e.kappa2, 1.0)):.1f} (σ × κ)"
+            + (f"; above {limits.kappa2_fixed:g} K is not kept fixed" if harms else ""),
+            remedy=_to_agree(e),
         )
 
 
@@ -288,8 +371,9 @@ def _departs(e: Evidence, policy: Policy) -> Iterator[Finding]:
         severity=Severity.UNPROVEN if harms else Severity.NOTE,
         measured=found.px,
         limit=limit,
-        message=f"the lens departs from its model by up to {two_digits(found.px)} px{where}; the standard deviations "
-        "there contain it" + (f", and K is not kept fixed above {limit:g} px" if harms else ""),
+        message=f"the lens departs from its model by up to {two_digits(found.px)} ± {two_digits(found.std_px)} px"
+        f"{where}; the standard deviations there contain it"
+        + (f", and K is not kept fixed above {limit:g} px" if harms else ""),
         remedy="choose another model" if harms else None,
     )
 
@@ -379,10 +463,12 @@ def _cause(e: Evidence, limits: Limits) -> Iterator[Finding]:
     likely = e.misfit.likely if e.misfit is not None else ()
     if e.misfit is None or not likely or [one.cause for one in likely] == [Cause.STRETCHED_PRINT]:
         return
-    harms = e.kappa2 is None or e.kappa2 > limits.kappa2_wanted
+    contradicted = e.kappa2 is None or e.kappa2 > limits.kappa2_wanted
+    moves = max(abs(one.focal) for one in likely)
+    harms = e.kappa2 is None or e.kappa2 > limits.kappa2_fixed or (contradicted and moves > e.sigma_focal)
     certain = len(likely) == 1
     severity = Severity.UNPROVEN if harms else Severity.NOTE
-    if certain and likely[0].cause is Cause.TWO_CAMERAS and harms:
+    if certain and likely[0].cause is Cause.TWO_CAMERAS and contradicted:
         # A K from views of two cameras applies to neither, whatever its standard deviation.
         severity = Severity.ERROR
     said = ", or ".join(_CAUSES[one.cause][0] for one in likely)
@@ -390,8 +476,8 @@ def _cause(e: Evidence, limits: Limits) -> Iterator[Finding]:
         rule=likely[0].cause.value if certain else "unclear-cause",
         severity=severity,
         measured=likely[0].left_px,
-        message=f"the views differ as by {said}: that leaves {likely[0].left_px:.3f} px of "
-        f"{e.misfit.sigma_px:.3f} px by coordinate"
+        message=f"the {e.subject.view}s differ as by {said}: that leaves {likely[0].left_px:.3f} px of "
+        f"{e.misfit.sigma_px:.3f} px by coordinate, and moves the focal length by {moves:.2%}"
         + ("" if certain else "; the residuals do not show which"),
         remedy="; or ".join(_CAUSES[one.cause][1] for one in likely),
     )
@@ -403,7 +489,7 @@ def _capture(e: Evidence, limits: Limits) -> Iterator[Finding]:
         yield Finding(
             rule="focus-unknown",
             severity=Severity.NOTE,
-            message="the frames do not state how the lens was focused",
+            message=f"the {e.subject.frames} do not state how the lens was focused",
             remedy="lock the focus as in flight",
         )
     elif "auto" in e.focus.lower():

@@ -37,6 +37,8 @@ class Policy(Record, tag_field="schema", tag="calibrary/policy-1"):
         fixed_sigma_px: a K may be kept fixed if its projections are known to this, in px …
         fixed_share: … over this share of the image, with observations nearby if it is known where they were …
         fixed_sigma_focal: … and fx to this fraction, which is the error of a flying height.
+        map_sigma_focal: in maps that GNSS without corrections places (heights to metres) a K may be kept fixed if fx is
+            known to this fraction; left free over flat ground, fx takes up what it likes of the height.
         start_sigma_focal: a K may be a start if fx is known to this fraction.
         metrology_sigma_px: for measuring, projections are known to this in px …
         metrology_sigma_focal: … and fx to this fraction.
@@ -69,6 +71,7 @@ class Policy(Record, tag_field="schema", tag="calibrary/policy-1"):
     fixed_sigma_px: Annotated[float, Meta(ge=0)] = 0.5
     fixed_share: Fraction = 0.4
     fixed_sigma_focal: Fraction = 0.001
+    map_sigma_focal: Fraction = 0.003
     start_sigma_focal: Fraction = 0.02
     metrology_sigma_px: Annotated[float, Meta(ge=0)] = 0.1
     metrology_sigma_focal: Fraction = 0.0001

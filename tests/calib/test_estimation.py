@@ -183,7 +183,7 @@ def test_boards_parallel_to_the_sensor_are_refused_and_nothing_worse(tilt_deg: f
 
 
 def test_the_limits_can_be_set() -> None:
-    strict = replace(LIMITS, views_wanted=40)
+    strict = replace(LIMITS, views_fixed=40, views_wanted=40)
     assert "few-views" in _grave(estimate(shoot(), limits=strict))
 
 

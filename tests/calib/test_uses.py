@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from calibrary.calib.budget import Part
 from calibrary.calib.estimation import estimate
 from calibrary.calib.geometry import near_corners, proven
 from calibrary.calib.projection_difference import Uncertainty, pixel_grid
@@ -65,8 +66,12 @@ def test_a_corner_proves_its_surroundings_only() -> None:
 
 def test_a_careful_set_may_be_kept_fixed_and_the_record_says_where_it_is_proven() -> None:
     result = estimate(shoot(how=Session(views=25, sigma_px=0.1)))
-    fixed, start, metrology = (result.uses.of(use) for use in AskedUse)
-    assert (fixed.holds, start.holds, metrology.holds) == (True, True, False)
+    fixed = result.uses.of(AskedUse.FIXED)
+    assert [one.use for one in result.uses.checks if one.holds] == [
+        AskedUse.FIXED,
+        AskedUse.MAP,
+        AskedUse.START,
+    ]
     assert f"within {result.uses.radius_px:.0f} px of the middle" in fixed.why
     assert 0.5 < result.uses.share < 0.9
     assert result.uses.height_cm == pytest.approx(1e4 * result.evidence.sigma_focal)
@@ -109,3 +114,23 @@ def test_a_crop_does_not_say_where_it_is_proven_and_a_smaller_image_does() -> No
     cropped = quality.cropped((100, 100, 800, 600)).quality
     assert cropped is not None
     assert cropped.proven is None
+
+
+def test_a_set_too_loose_for_heights_may_be_kept_fixed_in_maps_placed_by_gnss_alone() -> None:
+    """Only the limit of the focal length differs."""
+    seen = shoot(how=Session(views=10, sigma_px=0.25))
+    strict = replace(FLEET, name="strict", fixed_sigma_focal=0.0004)
+    loose = estimate(seen, policy=strict).uses
+    assert loose.of(AskedUse.FIXED).against == ("uncertain-focal-length",)
+    assert loose.of(AskedUse.MAP).holds
+    stricter = estimate(seen, policy=replace(strict, name="stricter", map_sigma_focal=0.0005)).uses
+    assert stricter.of(AskedUse.MAP).against == ("above 0.05% of f",)
+
+
+def test_views_without_halves_count_as_those_of_other_sets_do() -> None:
+    """Five views have no κ: their σ has the factor that real sets have in the mean, not one."""
+    five = estimate(shoot(how=Session(views=5))).evidence
+    assert five.kappa2 is None
+    six = estimate(shoot(how=Session(views=6))).evidence
+    assert six.kappa2 is not None
+    assert five.budget.parts[Part.NOISE] > 1.5 * six.budget.parts[Part.NOISE] / six.budget.kappa

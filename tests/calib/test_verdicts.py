@@ -106,5 +106,5 @@ def test_only_what_may_be_used_is_graded_as_calibrated(name: str) -> None:
 
 def test_a_variance_factor_names_the_limits_that_it_is_judged_by() -> None:
     found = next(finding for finding in solved("rolling shutter").findings if finding.rule == "unstable")
-    assert "above 2 K is not kept fixed" in found.message
-    assert "multiply" in found.message
+    assert "above 14 K is not kept fixed" in found.message
+    assert "every σ is multiplied by 8" in found.message

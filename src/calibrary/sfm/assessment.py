@@ -16,7 +16,7 @@ from calibrary.calib.network import Network, State, linearise
 from calibrary.calib.observations import ControlPoints, Observations, View
 from calibrary.calib.result import CalibrationResult, ControlFit, FlightGeometry, Flown, OddMark
 from calibrary.calib.solve import Solution
-from calibrary.calib.verdict import LIMITS, BoardVerdict
+from calibrary.calib.verdict import FOCAL, LIMITS, BoardVerdict, Subject
 from calibrary.calib.verdict_rules import graver_first, size_share
 from calibrary.calibration import CameraKey, Grade
 from calibrary.errors import CalibrationError
@@ -119,6 +119,7 @@ def flight_result(
         flat_shape=None,
         joint=Joint(covariance=known.covariance, halves=known.halves, rivals=found.rivals),
         versions=versions,
+        subject=_subject(known.geometry),
     )
     by = scale / size_share(observations.image_size)
     limits = replace(
@@ -126,6 +127,8 @@ def flight_result(
         rms_wanted_px=RMS_WANTED_PX * by,
         rms_needed_px=RMS_NEEDED_PX * by,
         edge_wanted_px=EDGE_WANTED_PX * scale,
+        # Images of a flight share what bends them all, the shutter and the air, and no board was held still for them.
+        kappa2_fixed=LIMITS.kappa2_wanted,
     )
     result = assess(solved, limits)
     flown = Flown(
@@ -138,7 +141,7 @@ def flight_result(
     )
     findings = graver_first(
         (
-            *(_of_flight(finding, known.geometry) for finding in result.findings),
+            *result.findings,
             *_judged(known, len(images), result.calibration.intrinsics.fx),
             *(_of_control(found.control) if found.control is not None else ()),
             *(_as_stated(claim, found, known) if claim is not None else ()),
@@ -207,16 +210,17 @@ def _inliers(found: Adjustment, network: Network) -> BoolArray:
     return seen
 
 
-_REMEDIES: Final[Mapping[str, str]] = {
+_REMEDIES: Final = {
     "centre-only": "choose images whose edges show ground that others show too",
-    "low-coverage": "choose images whose edges show ground that others show too",
+    "unproven-region": "choose more images (--images) or fly cross strips, so that the corners of images show ground "
+    "that others show too",
     "uncertain-edge": "choose more images (--images) or fly cross strips, so that the corners of images show ground "
     "that others show too; until then start from it, or keep it fixed for images cropped to that circle",
-    "valid-region": "choose more images, which overlap to their edges, or a simpler model",
-    "not-monotonic": "choose more images, which overlap to their edges, or a simpler model",
+    "valid-region": "choose more images, which overlap to their edges",
+    "not-monotonic": "choose more images, which overlap to their edges",
     "poor-fit": "leave out images of what moves, such as water and trees in the wind, and of another focus or zoom",
     "lens-model": "choose more images: --images",
-    "unknown-uncertainty": "choose a simpler model, or more images",
+    "unknown-uncertainty": "choose more images: --images",
     "no-variance-factor": "choose more images: --images",
     "unstable": "fly slower, with a shorter exposure, or with a mechanical shutter",
     "rolling-shutter": "fly slower, or use the mechanical shutter",
@@ -226,18 +230,6 @@ _REMEDIES: Final[Mapping[str, str]] = {
     "unclear-cause": "look at the images that fit worst",
 }
 """Remedies for the pilot of a flight, in place of those for boards."""
-_WORDS: Final[Mapping[str, str]] = {
-    "no corner was": "no point was",
-    "corners were seen": "points were seen",
-    "corners reach": "points reach",
-    "corners lie": "points lie",
-    "the corners ask": "the points ask",
-    "of the views": "of the images",
-    "explains the views": "explains the images",
-    "the frames do not": "the images do not",
-}
-
-
 _FOR_ONE_MODE: Final[Mapping[Kind, str]] = {
     Kind.DISTORTION_REMOVED: "register this K for images of this kind alone, --capture-mode dewarped, or switch the "
     "correction off in the camera and fly again",
@@ -247,16 +239,14 @@ _FOR_ONE_MODE: Final[Mapping[Kind, str]] = {
 }
 
 
-def _of_flight(finding: Finding, geometry: FlightGeometry) -> Finding:
-    """Reword a finding about a board for a flight."""
-    message = finding.message
-    if finding.rule == "corners-rejected":
-        count = f"{finding.measured:.0f} observation{'s' if finding.measured != 1 else ''}"
-        message = f"{count} of points rejected as outliers"
-    for of_board, of_flight in _WORDS.items():
-        message = message.replace(of_board, of_flight)
-    remedy = _to_fly(geometry) if finding.rule == "uncertain-focal-length" else _REMEDIES.get(finding.rule)
-    return replace(finding, message=message, remedy=remedy or finding.remedy)
+def _subject(geometry: FlightGeometry) -> Subject:
+    """Return a flight in the words of findings."""
+    return Subject(
+        view="image",
+        point="point",
+        frames="images",
+        remedies=_REMEDIES | {FOCAL: _to_fly(geometry)},
+    )
 
 
 def _judged(known: CameraUncertainty, images: int, fx: float) -> Iterator[Finding]:

@@ -59,4 +59,4 @@ def corners(path: Path, seed: int = 2, how: Session | None = None, *, hashed: bo
 
 
 REFUSED = Session(views=18, tilt_deg=1)
-PROVISIONAL = Session(views=12)
+PROVISIONAL = Session(views=9)

@@ -65,12 +65,10 @@ def finish(arguments: argparse.Namespace, report: CalibrateReport) -> int:
 
 def show_uses(screen: Screen, report: CalibrateReport) -> None:
     """Show whether each use holds; measuring only if it was asked for."""
-    asked = report.asked.use.value
-    for one in report.uses.checks:
-        if one.use.value in {"fixed", "start", asked}:
-            style = STYLES["pass" if one.holds else "provisional"]
-            said = str(one).removeprefix("yes").removeprefix("no")
-            screen.say(f"  {one.words}: [{style}]{'yes' if one.holds else 'no'}[/]{plain(said)}")
+    for one in report.uses.shown(report.asked.use):
+        style = STYLES["pass" if one.holds else "provisional"]
+        said = str(one).removeprefix("yes").removeprefix("no")
+        screen.say(f"  {one.words}: [{style}]{'yes' if one.holds else 'no'}[/]{plain(said)}")
 
 
 def _show(screen: Screen, report: CalibrateReport, *, correlations: bool) -> None:
@@ -193,7 +191,7 @@ def _facts(report: CalibrateReport) -> Iterator[tuple[str, str]]:
         yield (
             "variance factor",
             f"{quality.kappa2:.2f} between halves of the {report.shots}; to keep K fixed, up to "
-            f"{report.limits.kappa2_wanted:g}",
+            f"{report.limits.kappa2_fixed:g}",
         )
     if report.warp is not None:
         digits = 2 if report.length_unit == "mm" else 4

@@ -68,7 +68,7 @@ def calibrate(
     to: FormatName | None = None,
     registry: Place | None = None,
     as_: Annotated[str, Meta(title="KEY")] | None = None,
-    use: Literal["fixed", "start", "metrology"] = "fixed",
+    use: Literal["fixed", "map", "start", "metrology"] = "fixed",
     policy: PolicyLike | None = None,
     workers: Workers = 0,
     progress: Progress | None = None,
@@ -103,7 +103,8 @@ def calibrate(
         to: format of ``out``, or the program that reads it (default: by its suffix).
         registry: the registry in which it becomes a draft; a camera without make and model is then refused at once.
         as_: it is for the camera of this entry.
-        use: what K has to be good for: to be kept fixed in a solver, to start one from, or to measure with.
+        use: what K has to be good for: to be kept fixed in a solver, the same in maps whose heights GNSS alone places,
+            to start a solver from, or to measure with.
         policy: limits of each use: fleet, source or your own file (default: that of ``registry``, else fleet).
         workers: processes that find the board; 0 chooses their number.
         progress: called with (images done, number of images, "frames").

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 from calibrary.calib.detection import Detections
 from calibrary.calib.result import Flown
-from calibrary.calib.verdict import AskedUse, BoardVerdict
+from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration
 from calibrary.jobs.calibrate.page_plots import (
     board_plots,
@@ -124,14 +124,12 @@ def findings_blocks(findings: Sequence[Finding], notes: Sequence[str]) -> Iterat
 
 
 def _uses(report: CalibrateReport) -> Block:
-    asked = {AskedUse.FIXED, AskedUse.START, report.asked.use}
     return Table(
         caption="What it is good for",
         columns=(Column("use"), Column("answer"), Column("because")),
         rows=tuple(
             (one.words, Badge("yes", Tone.GOOD) if one.holds else Badge("no", Tone.CAUTION), one.why)
-            for one in report.uses.checks
-            if one.use in asked
+            for one in report.uses.shown(report.asked.use)
         ),
     )
 

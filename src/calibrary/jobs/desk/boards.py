@@ -205,7 +205,7 @@ def solved(job: Job, address: str, drop: Drop | None) -> View:
 
 
 def _uses(done: CalibrateReport) -> Iterator[Block]:
-    yield Bullets(tuple(sentence(f"{one.words}: {one}") for one in done.uses.checks))
+    yield Bullets(tuple(sentence(f"{one.words}: {one}") for one in done.uses.shown(done.asked.use)))
     if done.notes:
         yield Bullets(tuple(map(sentence, done.notes)))
 
