@@ -1,4 +1,4 @@
-"""What all tests share: how hypothesis runs, and where bytecode is kept."""
+"""What all tests share: how hypothesis runs, which tests run, what they may cost, and where bytecode is kept."""
 
 from __future__ import annotations
 
@@ -25,6 +25,9 @@ if sys.dont_write_bytecode:
 # pytest rewrites and compiles all of it: five seconds of every process unless the bytecode is kept.
 from hypothesis import settings
 
+from tests.cpu import Meter, by_room, read_dear
+from tests.thorough import THOROUGH
+
 # The processors are busy with other tests: a second thread of BLAS only waits for the first, and burns time doing so.
 # Before NumPy is imported; the programs that tests start inherit it.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -41,6 +44,40 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 settings.register_profile("steady", deadline=None, derandomize=True, max_examples=25)
 settings.register_profile("thorough", deadline=None, max_examples=1000)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "steady"))
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """What costs too much fails; a thorough run may take its time."""
+    config.addinivalue_line("markers", "thorough: a test of make test-thorough alone")
+    config.addinivalue_line("markers", "walk: a test with a browser that is one of make test, too")
+    config.pluginmanager.register(Meter(read_dear(), fails=False))
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out what is only for a thorough run: what is marked so, and what needs a browser but for a few walks."""
+    left = [] if THOROUGH else [item for item in items if is_thorough(item)]
+    if left:
+        config.hook.pytest_deselected(items=left)
+        items[:] = [item for item in items if not is_thorough(item)]
+
+
+def is_thorough(item: pytest.Item) -> bool:
+    """Whether only a thorough run has the time for a test."""
+    in_a_browser = "browser" in getattr(item, "fixturenames", ()) and not item.get_closest_marker("walk")
+    return in_a_browser or item.get_closest_marker("thorough") is not None
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say what was used, and where."""
+    reports = (report for reports in terminalreporter.stats.values() for report in reports)
+    costs = [
+        (report.nodeid, seconds)
+        for report in reports
+        if getattr(report, "when", None) == "teardown"
+        for name, seconds in report.user_properties
+        if name == "cpu"
+    ]
+    terminalreporter.write_line(by_room(costs))
 
 
 def pytest_collection_finish() -> None:

@@ -303,6 +303,7 @@ YEAR = (
 )
 
 
+@pytest.mark.thorough
 def test_a_year_of_a_fleet(year: Path, server: str, ada: Colleague, ben: Colleague) -> None:
     """One test, because each part goes on where the one before it ended, and tests are shared out among workers."""
     people: dict[str, Any] = {"year": year, "server": server, "ada": ada, "ben": ben}

@@ -149,6 +149,7 @@ def test_every_make_target_has_a_recipe(command: str) -> None:
     assert "calibrary" in done.stdout or "pytest" in done.stdout
 
 
+@pytest.mark.thorough
 def test_pip_install_gives_the_package_and_the_command(tmp_path: Path) -> None:
     assert 'pip install "calibrary[all,opencv]"' in COMMANDS
     flags = ["--quiet", "--no-deps", "--no-index", "--no-build-isolation", "--target", str(tmp_path / "env")]

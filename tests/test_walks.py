@@ -89,6 +89,7 @@ def delivery(tmp_path: Path) -> Path:
     return folder
 
 
+@pytest.mark.thorough
 def test_an_integrator_takes_a_payload_on_board(person: Person, delivery: Path, tmp_path: Path) -> None:
     person("registry", "init", "fleet")
     flight = delivery / "DCIM" / "100"

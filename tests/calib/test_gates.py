@@ -113,6 +113,7 @@ def test_points_at_random_are_no_board() -> None:
     assert found.reason is Reason.UNEVEN
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_a_circular_fisheye_is_solved_as_one(seed: int) -> None:
     size = (1280, 960)

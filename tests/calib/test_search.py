@@ -167,6 +167,7 @@ def test_a_checkerboard_may_be_turned() -> None:
     )
 
 
+@pytest.mark.thorough
 def test_what_frames_show_is_said_when_the_board_is_not_found(tmp_path: Path) -> None:
     paths = saved(tmp_path, charuco(8, 6, "4X4_50"))
     with pytest.raises(

@@ -67,6 +67,7 @@ def test_the_camera_is_found_within_what_is_stated(model: Solvable, field_deg: f
     assert result.evidence.fx == pytest.approx(focal, rel=5e-4)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("field_deg", [FIELDS[0], FIELDS[-1]])
 def test_a_decentred_fisheye_is_given_to_mei_and_a_centred_one_is_not(field_deg: float) -> None:
     mei = _solved(Solvable.MEI, field_deg, "auto")

@@ -110,8 +110,10 @@ def masker(desk: Path) -> Callable[[str], str]:
         text = re.sub(r"\b[0-9a-f]{7,40}\b", numbered, text)
         text = re.sub(rf"(?:{'|'.join(days)})(?:([T ])\d\d:\d\d(?::\d\d)?)?", _no_day, text)
         text = re.sub(r'"(version|until)":("?)[-0-9T:Z]+', r'"\1":\2', text)
-        text = re.sub(r"calibrary \d+\.\d+\.\d+\S*", "calibrary VERSION", text)
-        return re.sub(r"-?\d+\.\d+(?:e[-+]?\d+)?", _rounded, text)
+        text = re.sub(r'(calibrary|Unicode|opencv|OpenCV|numpy)(": "| )\d+\.\d+\.\d+', r"\1\2VERSION", text)
+        text = re.sub(r"-?\d+\.\d+(?:e[-+]?\d+)?", _rounded, text)
+        # A document is one line: it is compared field by field.
+        return re.sub(r"(?m)^\{.*", lambda line: re.sub(r',(?= ?["{])', ",\n", line[0]), text)
 
     return masked
 

@@ -29,7 +29,7 @@ from tests.house.project import ROOT
 from tests.strategies import DISTORTIONS, calibration
 from tests.thorough import examples
 
-QUICK = settings(max_examples=examples(8))
+QUICK = settings(max_examples=examples(4, 160))
 EVERY_MODEL = pytest.mark.parametrize("model", LENS_MODELS)
 
 ROUND = sorted(set(LENS_MODELS) - {"splined-stereographic"})

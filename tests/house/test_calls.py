@@ -12,6 +12,7 @@ from tests.house.project import ROOT
 from tests.registry.git.repositories import seclude
 
 
+@pytest.mark.thorough
 def test_no_command_grows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     seclude(monkeypatch, tmp_path)
     command = [sys.executable, "-m", "benchmarks.calls"]

@@ -1,6 +1,6 @@
 """What is shipped: the four rooms at the top of the repository arrive whole, inside one import name.
 
-``make dist`` runs this file on what it has built in dist/; the suite builds its own.
+``make dist`` runs this file on what it has built in dist/; a thorough run of the suite builds its own.
 """
 
 from __future__ import annotations
@@ -35,6 +35,8 @@ PAPERS = (
     "pyproject.toml",
     "requirements-dev.lock",
 )
+
+pytestmark = [pytest.mark.thorough] if "CALIBRARY_DIST" not in os.environ else []
 
 IMPORT_EVERYTHING = """
 import json, pkgutil, sys

@@ -68,6 +68,7 @@ class TestArrival:
         assert status.next is not None
         assert status.next.gain > 0
 
+    @pytest.mark.thorough
     def test_what_was_watched_is_read_again_by_the_next_session(
         self, tmp_path: Path, frames: list[Path]
     ) -> None:
@@ -82,6 +83,7 @@ class TestArrival:
         assert other is not None
         assert replace(one, new=()) == replace(other, new=())
 
+    @pytest.mark.thorough
     def test_sigma_is_that_of_the_calibration_from_the_same_frames(
         self, tmp_path: Path, frames: list[Path], capsys: pytest.CaptureFixture[str]
     ) -> None:
@@ -118,6 +120,7 @@ class TestProposal:
     def test_before_any_frame_there_is_one(self) -> None:
         assert next_pose(BOARD, (1920, 1440)).gain > 0.3
 
+    @pytest.mark.thorough
     def test_following_it_does_better_than_a_pose_in_the_middle(self) -> None:
         seen = shoot(how=Session(views=8, reach=0.5), seed=3)
         result = estimate(seen, "brown")

@@ -61,7 +61,7 @@ PATIENT = settings(
 
 AFFINE_LENS = {"australis_report", "micmac_xml"}
 """One focal length or no skew, and a lens with b1 and b2 that makes up for it."""
-DAMAGED_FILES = examples(60)
+DAMAGED_FILES = examples(20, 1200)
 STRUCTURAL = np.frombuffer(b"\0\n\t 019-+.,eE:;=#%&<>/()[]{}\"'\\\xff", dtype=np.uint8)
 
 

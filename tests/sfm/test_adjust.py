@@ -174,6 +174,7 @@ def test_what_sigma_lacks_is_told_and_the_camera_is_not_kept_fixed(
     assert said in told.message
 
 
+@pytest.mark.thorough
 def test_a_fisheye_is_told_from_the_models_that_can_follow_it() -> None:
     camera = replace(
         CAMERA,
@@ -185,6 +186,7 @@ def test_a_fisheye_is_told_from_the_models_that_can_follow_it() -> None:
     np.testing.assert_allclose(found.bundle.scene.parameters[:2], 700.0, rtol=2e-3)
 
 
+@pytest.mark.thorough
 def test_beside_a_lens_that_may_not_be_chosen_the_others_are_searched_to_their_end(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -205,6 +207,7 @@ def test_beside_a_lens_that_may_not_be_chosen_the_others_are_searched_to_their_e
     assert brown().rms_px < 0.6 * stopped.rms_px
 
 
+@pytest.mark.thorough
 def test_a_lens_that_no_model_has_keeps_the_simpler_one_and_its_focal_length() -> None:
     judged = flight_result(adjust(*fly(changed(PLANS["two heights, relief"], ripple_px=0.25), 101)))
     assert judged.result.calibration.distortion is not None

@@ -60,6 +60,7 @@ def test_no_more_images_are_advised_than_can_be_asked_for(flat: FlightResult) ->
     assert any(one.measure == "--images 200: 900 images were not chosen" for one in found)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "plan", [Plan(), Plan(relief=0.04, heights=(1.0, 1.4), cross=True, oblique_deg=30.0, gps_m=None)]
 )

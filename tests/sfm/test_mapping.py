@@ -62,6 +62,7 @@ def test_a_fisheye_over_flat_ground_is_reconstructed_whole(tmp_path: Path) -> No
     assert tracks.used.all()
 
 
+@pytest.mark.thorough
 def test_a_perspective_lens_stays_one_beside_a_fisheye(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -94,6 +95,7 @@ def test_a_wide_lens_keeps_its_reconstruction_if_that_as_a_fisheye_fails(
     assert tracks.used.all()
 
 
+@pytest.mark.thorough
 def test_a_fisheye_is_tried_where_a_perspective_lens_reconstructs_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -120,6 +120,7 @@ def test_what_cannot_be_told_apart_from_the_principal_point_is_said() -> None:
     assert lever.words.endswith("cannot be told apart from cy, whose σ includes it")
 
 
+@pytest.mark.thorough
 def test_a_lens_that_departs_from_every_model_widens_sigma() -> None:
     straight, rippled = flown(OBLIQUE), flown(changed(OBLIQUE, ripple_px=0.6))
     std = [of.uncertainty.covariance.matrix[0, 0] ** 0.5 for of in (straight, rippled)]

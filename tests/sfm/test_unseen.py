@@ -101,6 +101,7 @@ def test_a_lens_that_is_seen_in_the_middle_only_is_a_start(lens: str) -> None:
     assert "start from it" in told.remedy
 
 
+@pytest.mark.thorough
 def test_a_lens_beside_which_another_does_as_well_is_a_start() -> None:
     """A fisheye is chosen for a rational lens, which gains too little where points are: it is off in a corner."""
     found = flown("rational", "whole")
@@ -112,6 +113,7 @@ def test_a_lens_beside_which_another_does_as_well_is_a_start() -> None:
     assert "a rational lens explains the images as well" in told.message
 
 
+@pytest.mark.thorough
 def test_what_a_rival_differs_by_is_in_sigma_as_far_as_it_is_plausible() -> None:
     tracks, start = fly(OBLIQUE, 3)
     alone = adjust(tracks, start, model=Solvable.BROWN)

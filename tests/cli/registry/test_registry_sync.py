@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from calibrary.arguments import Terms
+from calibrary.cli.main import main
 from calibrary.errors import RegistryError
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
@@ -21,21 +23,35 @@ from calibrary.schemas import require
 from tests.cli.registry.direct import put, put_bytes
 from tests.cli.registry.fleets import P4R, commit_of, held, printed, run
 from tests.registry.entries import an_entry
-from tests.registry.git.repositories import git
+from tests.registry.git.repositories import git, seclude
 
 MINE = an_entry(focal_mm=None)
 OTHER = an_entry(focal_mm=None, model="FC330")
 
 
+@pytest.fixture(scope="module")
+def twins(begun: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A registry with two entries, the bare remote that it was pushed to, and a clone of that; to copy."""
+    folder = tmp_path_factory.mktemp("twins")
+    with pytest.MonkeyPatch.context() as patch:
+        seclude(patch, folder)
+        put(Path(shutil.copytree(begun, folder / "fleet")), MINE, OTHER)
+        git(folder, "init", "--quiet", "--bare", "--initial-branch=main", "remote.git")
+        assert (
+            main(["registry", "sync", str(folder / "remote.git"), "--registry", str(folder / "fleet")]) == 0
+        )
+        assert main(["registry", "init", str(folder / "twin"), "--remote", str(folder / "remote.git")]) == 0
+    return folder
+
+
 @pytest.fixture
-def twin(fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Path:
-    """A second clone of a bare remote that the first one was pushed to, both with two entries."""
-    put(fleet, MINE, OTHER)
-    git(tmp_path, "init", "--quiet", "--bare", "--initial-branch=main", "remote.git")
-    code, _, err = run(capsys, "sync", tmp_path / "remote.git")
-    assert code == 0
-    assert "origin is" in err
-    assert run(capsys, "init", tmp_path / "twin", "--remote", tmp_path / "remote.git")[0] == 0
+def twin(fleet: Path, twins: Path, tmp_path: Path) -> Path:
+    """The clone, beside the remote; the registry in use is the one that was pushed."""
+    shutil.rmtree(fleet)
+    for name in ("remote.git", "fleet", "twin"):
+        shutil.copytree(twins / name, tmp_path / name)
+    for name in ("fleet", "twin"):
+        git(tmp_path / name, "remote", "set-url", "origin", str(tmp_path / "remote.git"))
     return tmp_path / "twin"
 
 

@@ -19,16 +19,30 @@ from tests.imagery import write_jpeg
 from tests.registry.git.repositories import git, seclude
 
 
+@pytest.fixture(scope="module")
+def furnished_desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A registry whose only entry is the K that the images of a flight state; to copy."""
+    folder = tmp_path_factory.mktemp("furnished")
+    with pytest.MonkeyPatch.context() as patch:
+        sit_down(patch, folder)
+        assert main(["registry", "init", "fleet"]) == 0
+        add(xml(folder / "used.xml"), "--approve", "--date", TODAY)
+    phantom(folder / "flight" / "a.jpg")
+    return folder
+
+
 @pytest.fixture
-def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A registry whose only entry is the K that the images of a flight state."""
-    seclude(monkeypatch, tmp_path)
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("CALIBRARY_REGISTRY", str(tmp_path / "fleet"))
-    assert main(["registry", "init", "fleet"]) == 0
-    add(xml(tmp_path / "used.xml"), "--approve", "--date", TODAY)
-    phantom(tmp_path / "flight" / "a.jpg")
-    return tmp_path
+def desk(furnished_desk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """One to work at."""
+    shutil.copytree(furnished_desk, tmp_path / "desk")
+    sit_down(monkeypatch, tmp_path / "desk")
+    return tmp_path / "desk"
+
+
+def sit_down(patch: pytest.MonkeyPatch, folder: Path) -> None:
+    seclude(patch, folder)
+    patch.chdir(folder)
+    patch.setenv("CALIBRARY_REGISTRY", str(folder / "fleet"))
 
 
 class Heard(NamedTuple):

@@ -59,6 +59,7 @@ def decide(one: Tab, button: str, label: str, reason: str) -> str:
     return one.page.locator("main").inner_text()
 
 
+@pytest.mark.walk
 def test_a_proposal_is_approved_beside_what_it_replaces(tab: Open, fleet: Path) -> None:
     one = opened(tab)
     shown = one.page.locator("main").inner_text()

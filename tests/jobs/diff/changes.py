@@ -116,12 +116,12 @@ def _lens(kind: type[Distortion], terms: list[float]) -> Distortion:
     return kind(order=order, nx=nx, ny=ny, fov_x_deg=fov_x_deg, knots=tuple(terms[4:]))
 
 
-def rows(path: Path, *, every: int = 1) -> Iterator[Row]:
-    """Make the pairs of the table, or every so many of them, of each change for other lenses."""
+def rows(path: Path) -> Iterator[Row]:
+    """Make the pairs of the table."""
     formats = cycle(FORMATS)
-    for at, (lens, calibration) in enumerate(lenses(path).items(), start=1):
-        for number, (change, how) in enumerate(CHANGES.items()):
-            sides = how.made(calibration) if (number + at) % every == 0 else None
+    for lens, calibration in lenses(path).items():
+        for change, how in CHANGES.items():
+            sides = how.made(calibration)
             if sides is None:
                 continue
             written, through = None, "memory"

@@ -153,14 +153,14 @@ def measured(calibration: Calibration, seed: int, poorer: float = 1.0) -> Calibr
 seeds = st.integers(0, 2**31)
 
 
-@settings(max_examples=examples(40), deadline=None)
+@settings(max_examples=examples(10, 800), deadline=None)
 @given(seeds, seeds, st.sampled_from([1.0, 3.0]))
 def test_noise_is_no_change_of_kind(first: int, second: int, poorer: float) -> None:
     if first != second:
         assert kinds(measured(camera(), first, poorer), measured(camera(), second, poorer)) == set()
 
 
-@settings(max_examples=examples(24), deadline=None)
+@settings(max_examples=examples(6, 480), deadline=None)
 @given(st.integers(0, 400), st.floats(-0.004, 0.004), st.floats(-30, 30), st.floats(-30, 30))
 def test_a_drift_of_any_direction_is_no_change_of_kind(seed: int, focal: float, dx: float, dy: float) -> None:
     K = camera().intrinsics

@@ -123,6 +123,7 @@ def test_the_propagated_noise_is_that_of_draws_from_both_covariances() -> None:
     np.testing.assert_allclose(worst, [std[at] for at in ((12, 4), (3, 16), (12, 16), (20, 28))], rtol=0.35)
 
 
+@pytest.mark.thorough
 def test_the_noise_of_repeated_calibrations_is_explained_as_often_as_it_should_be() -> None:
     found = [
         numbers_of(drawn(camera(), seed), drawn(camera(), seed + 1000)).significance for seed in range(40)

@@ -176,6 +176,7 @@ def test_a_part_that_is_damaged_is_said_to_be(data: bytes) -> None:
         Accumulator.from_bytes(data)
 
 
+@pytest.mark.thorough
 def test_ten_million_images_fit_into_300_mb() -> None:
     """Of a million what is held is measured, and what it takes at the most to put it in order."""
     what = [Seen(metadata=replace(BASE, software=f"v{number}")) for number in range(20)]

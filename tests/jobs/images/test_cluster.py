@@ -65,6 +65,7 @@ def alone(folder: Path) -> Accumulator:
     return read_images(images, engine=here(1, known=images.known)).images
 
 
+@pytest.mark.thorough
 def test_a_worker_that_is_killed_in_mid_run_changes_nothing(client: Any, flight: Path) -> None:
     killed: list[int] = []
 

@@ -71,6 +71,7 @@ def test_a_flight_joins_the_estimates_and_its_k_is_proposed(
     assert (made["kind"], len(made["sources"])) == ("flight", 16)
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("fleet")
 def test_a_flight_that_determines_no_k_is_no_estimate_and_says_why(
     flat: Path, simulated: Simulated, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -23,6 +23,7 @@ def out(registry: Path, tmp_path: Path) -> Path:
     return tmp_path / "out"
 
 
+@pytest.mark.thorough
 def test_each_is_written_again_without_touching_the_other(out: Path, registry: Path) -> None:
     before = files_of(out)
     published = {path: (out / path).stat().st_mtime_ns for path in before if not path.startswith(PAGES)}
@@ -32,6 +33,7 @@ def test_each_is_written_again_without_touching_the_other(out: Path, registry: P
     assert files_of(out) == before
 
 
+@pytest.mark.thorough
 def test_both_orders_end_alike(out: Path, registry: Path, tmp_path: Path) -> None:
     other = tmp_path / "other"
     build(registry, other, workers=1)
