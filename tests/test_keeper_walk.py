@@ -43,7 +43,7 @@ def test_a_keepers_first_day(
     said = registry("init", "fleet")
     assert "next: calibrary registry add" in said
     monkeypatch.chdir(tmp_path / "fleet")
-    assert "not in any registry" in registry("resolve", str(image))
+    assert "not in any registry" in registry("show", str(image))
 
     assert " new, " in registry("add", "catalogue", "--yes")
     assert "it is only a proposal" in registry("resolve", str(image), code=4)

@@ -1,4 +1,4 @@
-"""``registry resolve``: which calibration answers for an image or a camera, why this one, and what else was near."""
+"""``registry resolve`` and ``show IMAGE``: which calibration answers, why this one, and what else was near."""
 
 from __future__ import annotations
 
@@ -56,21 +56,52 @@ def test_what_a_document_says_of_the_use_comes_back_from_it(
         from_json(FleetAnswer, answer | {"use": "perhaps"})
 
 
-def test_the_terminal_states_the_entry_with_its_state_and_what_k_is(
+def test_the_terminal_states_the_use_the_entry_and_k_in_one_line(
     fleet: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    put(fleet, an_entry())
+    assert run(capsys, "resolve", "dji/fc6310r")[1] == (
+        f"start  {an_entry().path}  fx 3661.2500  fy 3658.7500  cx 2731.5000  cy 1831.2500 px  5472×3648\n"
+    )
+
+
+def test_show_tells_of_an_image_what_resolve_prints_and_the_story_of_its_entry(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     commit = put(fleet, an_entry(label="P4R-03"))
-    _, text, _ = run(capsys, "resolve", "dji/fc6310r")
+    image = picture(tmp_path / "a.jpg", **TAGS)
+    code, text, _ = run(capsys, "show", image)
     rows = {line.split()[0]: " ".join(line.split()[1:]) for line in text.splitlines() if line.strip()}
+    assert code == run(capsys, "resolve", image)[0] == 0
     assert rows["label"] == "P4R-03"
     assert rows["entry"] == f"{an_entry().path} at {commit[:12]}, approved"
     assert an_entry().path not in rows["reason"]
     assert rows["grade"] == "calibrated"
-    assert rows["K"] == "fx 3661.2500 fy 3658.7500 cx 2731.5000 cy 1831.2500 px"
-    assert (rows["of"], rows["adapted"]) == ("5472×3648 px", "no, it is of this size")
+    assert rows["K"] == "fx 3661.2500 fy 3658.7500 cx 2731.5000 cy 1831.2500 px 5472×3648"
+    assert rows["adapted"] == "no, it is of this size"
     assert rows["distortion"] == "brown"
     assert rows["k1"] == "-0.262"
+    assert rows["recorded"].endswith(f"commit {commit[:12]}")
+    assert run(capsys, "resolve", image)[1].split()[0] == rows["use"].split(":")[0]
     assert "overridden" not in rows
+
+
+def test_show_and_resolve_of_an_image_are_one_document(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put(fleet, an_entry(focal_mm=None))
+    image = picture(tmp_path / "a.jpg", **TAGS)
+    assert run(capsys, "show", image, "--json") == run(capsys, "resolve", image, "--json")
+
+
+@pytest.mark.parametrize("flag", [["--yaml"], ["--diff", "HEAD"]])
+def test_show_of_an_image_has_no_file_and_no_revision(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], flag: list[str]
+) -> None:
+    put(fleet, an_entry())
+    with pytest.raises(SystemExit, match="2"):
+        run(capsys, "show", picture(tmp_path / "a.jpg", **TAGS), *flag)
+    assert "--diff and --yaml: of an entry" in capsys.readouterr().err
 
 
 def test_a_word_too_long_for_a_name_is_no_camera(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -122,8 +153,8 @@ def test_a_smaller_image_gets_k_scaled_and_a_shorter_one_cropped(
     fleet: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     put(fleet, an_entry())
-    _, half, _ = run(capsys, "resolve", "dji/fc6310r", "--image-size", "2736x1824")
-    assert "scaled 5472×3648 → 2736×1824" in half
+    half = printed(capsys, "resolution-1", "resolve", "dji/fc6310r", "--image-size", "2736x1824")
+    assert half["calibration"]["provenance"]["adaptation"] == "scaled 5472×3648 → 2736×1824"
     answer = printed(capsys, "resolution-1", "resolve", "dji/fc6310r", "--image-size", "5472x3078")
     assert answer["calibration"]["intrinsics"]["cy"] == 1824 + 7.25 - (3648 - 3078) / 2
     assert answer["calibration"]["provenance"]["adaptation"] == "cropped 5472×3648 → 5472×3078"

@@ -1,4 +1,4 @@
-"""``calibrary registry show``: show an entry, now or at a revision, or the changes between the two."""
+"""``calibrary registry show``: an entry, now or at a revision, what changed between the two, or the one of an image."""
 
 from __future__ import annotations
 
@@ -10,14 +10,19 @@ from calibrary.cli.commands import print_json
 from calibrary.cli.flags import add_flags, call
 from calibrary.cli.registry import add_registry_flag, note_cut, opened
 from calibrary.jobs.fleet import Fleet
+from calibrary.jobs.resolve import names_image, resolve
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from calibrary.calibration import Calibration
     from calibrary.cli.console import Screen
     from calibrary.jobs.fleet import Approval, FieldChange, Recorded, ShownEntry
+    from calibrary.jobs.resolve.run import FleetAnswer, UsedEntry
 
-DESCRIPTION = "Show one entry, as it is or as it was."
+DESCRIPTION = (
+    "Show one entry, as it is or as it was, or the one that applies to an image, with its K and its use."
+)
 EXAMPLES = """\
 examples:
   calibrary registry show dji/fc6310r
@@ -26,6 +31,9 @@ examples:
   calibrary registry show fc6310r@firmware:01.09        as it was made for that firmware
   calibrary registry show fc6310r --diff v2026.1        what changed since that tag
   calibrary registry show fc6310r --yaml                the file itself
+  calibrary registry show flight/DJI_0001.JPG           the entry of this image, K at its size, and what it may do
+
+Of an image it tells what 'registry resolve' prints in one line: from the same registries, with the same exit code.
 """
 
 
@@ -34,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_flags(
         parser,
         Fleet.show,
-        positional={"key": "KEY[@REV]"},
+        positional={"key": "KEY[@REV]|IMAGE"},
         spelled={"against": "--diff"},
     )
     add_registry_flag(parser)
@@ -47,7 +55,18 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     if arguments.against is not None and arguments.yaml:
         arguments.parser.error("--diff: not together with --yaml; git diff compares files")
-    return _show(arguments)
+    return _show_of_image(arguments) if names_image(arguments.key) else _show(arguments)
+
+
+def _show_of_image(arguments: argparse.Namespace) -> int:
+    from calibrary.cli.registry.resolve import answered
+
+    if arguments.against is not None or arguments.yaml:
+        arguments.parser.error(
+            "--diff and --yaml: of an entry; without them 'show IMAGE' tells which one it is"
+        )
+    found = resolve(arguments.key, registry=arguments.registry, history=True)
+    return answered(arguments, found, _tell)
 
 
 def _show(arguments: argparse.Namespace) -> int:
@@ -87,13 +106,64 @@ def _describe(screen: Screen, shown: ShownEntry) -> None:
         ("file", shown.path),
         ("digest of the file", (shown.blob or "")[:12]),
         ("commit", (shown.commit or "")[:12]),
+        *_proposed(shown.proposal),
     ]
-    if shown.proposal is not None:
-        place.append(("proposed", f"another K waits for approval: calibrary registry show {shown.proposal}"))
     if shown.remark is not None:
         place.append(("not in force", shown.remark))
     rows = [*shown.rows(), *place, *_recorded(shown.recorded), *approval_rows(shown.approved)]
     screen.show(facts([(name, printable(value)) for name, value in rows], screen.width))
+
+
+def _tell(screen: Screen, found: FleetAnswer) -> None:
+    from calibrary.cli.console import printable
+    from calibrary.cli.tables import facts
+
+    entry, path, why = found.entry, found.path or "", found.why or ""
+    at = f" at {found.commit[:12]}" if found.commit is not None else ""
+    status = entry.status.value if entry is not None else "of the type, not in any registry"
+    rows = [
+        ("camera", f"{found.camera}, by {found.known_by}"),
+        ("registry", found.registry),
+        ("entry", f"{path}{at}, {status}"),
+        ("reason", why.removeprefix(f"{path} ")),
+        *(_calibration_rows(found.calibration) if found.calibration is not None else ()),
+        ("use", f"{found.use}: {found.use_reason}"),
+        *(_story(entry) if entry is not None else ()),
+    ]
+    near = [("near", printable(f"{item.path}: {item.reason}")) for item in found.near]
+    shown = [(name, printable(value)) for name, value in rows if value]
+    screen.show(facts([*shown, *near], screen.width))
+
+
+def _calibration_rows(calibration: Calibration) -> list[tuple[str, str]]:
+    from calibrary.cli.registry.resolve import numbers
+
+    lens, made = calibration.distortion, calibration.provenance
+    return [
+        ("adapted", made.adaptation or "no, it is of this size"),
+        *(("assumed", text) for text in made.assumptions),
+        ("grade", calibration.grade.value),
+        ("K", numbers(calibration.intrinsics)),
+        ("distortion", lens.model if lens is not None else "unknown"),
+        *((f"  {name}", f"{value:.8g}") for name, value in (lens.shown.items() if lens else ())),
+        ("made from", made.tag or ""),
+    ]
+
+
+def _story(entry: UsedEntry) -> list[tuple[str, str]]:
+    override = f"it contradicts what is known of its camera: {entry.override}" if entry.override else ""
+    return [
+        ("label", entry.label or ""),
+        ("overridden", override),
+        *_proposed(entry.proposal),
+        *_recorded(entry.recorded),
+        *approval_rows(entry.approved),
+    ]
+
+
+def _proposed(path: str | None) -> list[tuple[str, str]]:
+    said = f"another K waits for approval: calibrary registry show {path}"
+    return [("proposed", said)] if path is not None else []
 
 
 def approval_rows(approved: Sequence[Approval]) -> list[tuple[str, str]]:

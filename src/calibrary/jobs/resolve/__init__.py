@@ -8,8 +8,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from datetime import date
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from msgspec import Meta
@@ -21,7 +23,7 @@ from calibrary.known_camera import CameraKey
 if TYPE_CHECKING:
     from calibrary.jobs.resolve.run import FleetAnswer
 
-__all__ = ["resolve"]
+__all__ = ["names_image", "resolve"]
 
 
 def resolve(
@@ -58,3 +60,15 @@ def resolve(
         raise UsageError("say which camera: an image of it, its KEY, or --make and --model")
     layers = open_layers(registries(registry, needed=True), at=at, catalogue=True)
     return resolved(layers, what, stated=camera, on=on, history=history)
+
+
+def names_image(word: str) -> bool:
+    """Whether a word names an image, and not a KEY; a file by its content, what is missing by its name."""
+    is_file = os.path.isfile(word)  # noqa: PTH113  that of a Path fails of a word too long for a name
+    # A KEY needs neither the formats nor the readers of metadata.
+    if not (is_file or Path(word).suffix):
+        return False
+    from calibrary.parsers import is_image_file
+    from calibrary.parsers.files import is_image
+
+    return is_image_file(Path(word)) if is_file else is_image(word)

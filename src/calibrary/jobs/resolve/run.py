@@ -16,6 +16,7 @@ from calibrary.errors import AmbiguousCameraError, InputError, UnknownCameraErro
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.interop.notebook import html_table
 from calibrary.jobs.layers import AskedLayer, Layer, LayerKind, Layers
+from calibrary.jobs.resolve import names_image
 from calibrary.jobs.use import Allowed
 from calibrary.policy import FLEET, Policy
 from calibrary.records import Json, Record, from_json, replace
@@ -339,26 +340,20 @@ def _used(layer: Layer, found: Resolution, *, history: bool) -> UsedEntry:
 def _asked_by(layers: Layers, word: str | None) -> _Asked:
     if word is None:
         return _Asked(key=CameraKey(), known_by="what was said")
-    path = Path(word)
-    # A KEY needs neither the formats nor the readers of metadata.
-    if os.path.isfile(word):  # noqa: PTH113  that of a Path fails of a word too long for a name
-        from calibrary.parsers import is_image_file  # noqa: PLC0415  the reason above
-        from calibrary.parsers.imagery import read_metadata  # noqa: PLC0415  the reason above
-
-        if not is_image_file(path):
-            raise InputError(
-                "is not an image; 'calibrary registry add FILE' takes a calibration file, and resolve an image of the "
-                "camera, or its KEY",
-                source=word,
-            )
-        metadata = read_metadata(path)
-        found = identified(metadata, load_catalogue())
-        return _Asked(found.key, f"the image: {found.why}", _image_day(path), metadata)
-    if path.suffix:
-        from calibrary.parsers.files import is_image  # noqa: PLC0415  the reason above
-
-        if is_image(path):
+    if names_image(word):
+        if not os.path.isfile(word):  # noqa: PTH113  as there
             raise InputError("no such file", source=word)
+        from calibrary.parsers.imagery import read_metadata  # noqa: PLC0415  a KEY needs no readers of images
+
+        metadata = read_metadata(Path(word))
+        found = identified(metadata, load_catalogue())
+        return _Asked(found.key, f"the image: {found.why}", _image_day(Path(word)), metadata)
+    if os.path.isfile(word):  # noqa: PTH113  as there
+        raise InputError(
+            "is not an image; 'calibrary registry add FILE' takes a calibration file, and resolve an image of the "
+            "camera, or its KEY",
+            source=word,
+        )
     return _Asked(key=_of_word(layers, word), known_by=f"the KEY {word}")
 
 
