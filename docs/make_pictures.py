@@ -30,17 +30,17 @@ from calibrary.calib.synthesis import Settings, Truth, poses
 from calibrary.calib.synthesis.cameras import example_camera, head
 from calibrary.calib.synthesis.files import write_frames
 from calibrary.cli.console import Screen
-from calibrary.cli.extract_display import Display
 from calibrary.cli.main import main as command
+from calibrary.cli.shown import show
 from calibrary.jobs.calibrate import calibrate
 from calibrary.jobs.demo.flight import write_flight
 from calibrary.jobs.desk import desk
 from calibrary.jobs.diff.comparison import compare
 from calibrary.jobs.diff.page import comparison_page
 from calibrary.jobs.extract.outputs import plan
-from calibrary.jobs.extract.page import report_page
 from calibrary.jobs.extract.report import ExtractReport
 from calibrary.jobs.extract.run import run
+from calibrary.jobs.extract.told import told
 from calibrary.jobs.site.building import build
 from calibrary.pages import render_page
 
@@ -148,15 +148,14 @@ def draw(outcome: ExtractReport) -> str:
         record=True, width=WIDTH, file=io.StringIO(), force_terminal=True, color_system="truecolor"
     )
     console.print(Text.assemble(("$ ", "cyan"), COMMAND, "\n"))
-    with Display(console, Screen(file=io.StringIO())) as display:
-        display.show(outcome, program=None, dry_run=True, explain=False)
+    show(console, told(outcome))
     return console.export_svg(title="calibrary", theme=THEME, code_format=FRAME, unique_id="extract")
 
 
 def extract_page(outcome: ExtractReport) -> str:
     """What ``--html`` writes."""
     with TemporaryDirectory() as folder:
-        return render_page(report_page(plan(outcome, Path(folder) / "K_matrix.npy", None)))
+        return render_page(told(plan(outcome, Path(folder) / "K_matrix.npy", None)))
 
 
 def board_page() -> str:

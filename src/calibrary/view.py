@@ -8,8 +8,9 @@ direction overrides, so that text from files and tags can be passed unchanged.
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Iterable, Sequence
 from enum import StrEnum
-from typing import ClassVar, Final, TypeAlias
+from typing import Any, ClassVar, Final, Self, TypeAlias
 
 from msgspec import Struct
 
@@ -68,7 +69,8 @@ class Link(Struct, frozen=True):
 Cell: TypeAlias = str | Badge | Link
 
 
-def _text(cell: Cell) -> str:
+def text_of(cell: Cell) -> str:
+    """The words of a cell."""
     return cell if isinstance(cell, str) else cell.text
 
 
@@ -77,22 +79,27 @@ class Column(Struct, frozen=True):
 
     Attributes:
         title: with the unit, if all cells have the same one: "fx (px)".
+        cell: makes the cell of a row's subject, for :meth:`Table.of`.
         numeric: whether the cells are numbers, aligned right.
+        rank: in a terminal, 0 stays in the row at every width; of the others the highest is moved below it first.
+        below: in a terminal, the sign before its sentences, which stand below the row at every width; None if they
+            stand in it.
     """
 
     title: str
+    cell: Callable[[Any], Cell] | None = None
     numeric: bool = False
+    rank: int = 0
+    below: str | None = None
 
 
 class Table(Struct, frozen=True, kw_only=True):
     """A table; a phone shows the rows of a wide one as lists, and what is still too wide scrolls horizontally.
 
-    To add a column to a page, add its :class:`Column` and its cell, in the same order; both stand in the page's module.
-
     Attributes:
         caption: what the rows are.
         columns: column heads; the cells of the first column name their rows.
-        rows: one cell per column in each row.
+        rows: one cell per column in each row; empty where nothing is to be said.
 
     Raises:
         InputError: the number of cells in a row differs from the number of columns.
@@ -103,6 +110,19 @@ class Table(Struct, frozen=True, kw_only=True):
     caption: str
     columns: tuple[Column, ...]
     rows: tuple[tuple[Cell, ...], ...]
+
+    @classmethod
+    def of(cls, caption: str, subjects: Iterable[object], columns: Sequence[Column]) -> Self:
+        """A table with a row for each subject; a column in which no subject has anything is left out."""
+        rows = [
+            [one.cell(subject) if one.cell is not None else "" for one in columns] for subject in subjects
+        ]
+        kept = [i for i in range(len(columns)) if any(row[i] for row in rows)]
+        return cls(
+            caption=caption,
+            columns=tuple(columns[i] for i in kept),
+            rows=tuple(tuple(row[i] for i in kept) for row in rows),
+        )
 
     def __post_init__(self) -> None:
         for row in self.rows:
@@ -117,7 +137,7 @@ class Table(Struct, frozen=True, kw_only=True):
         if any(isinstance(cell, str) and len(cell) > SENTENCE for row in self.rows for cell in row[1:]):
             return True
         told = [
-            [column.title, *map(_text, cells)]
+            [column.title, *map(text_of, cells)]
             for column, *cells in zip(self.columns, *self.rows, strict=True)
         ]
         wide = sum(GAP + max(map(len, texts)) for texts in told)
@@ -138,6 +158,14 @@ class Figure(Struct, frozen=True, kw_only=True):
     svg: str
     alt: str
     caption: str
+
+
+class Plots(Struct, frozen=True):
+    """Plots that stand side by side; drawn where they are shown, which a terminal does not do."""
+
+    kind: ClassVar[str] = "plots"
+
+    draw: Callable[[], Iterable[Figure]]
 
 
 class KeyValues(Struct, frozen=True):
@@ -272,7 +300,8 @@ class Section(Struct, frozen=True, kw_only=True):
         blocks: the content; a string is a paragraph.
         badge: next to the heading.
         anchor: name that links use; None for a generated number.
-        printed: whether it is in the one-page print; a reader can choose to print the whole page.
+        printed: whether it is the answer, which a terminal shows and one sheet of paper holds; the rest is shown on
+            the page, and where a reader asks for all of it.
     """
 
     kind: ClassVar[str] = "section"
@@ -290,6 +319,7 @@ Block: TypeAlias = (
     | Link
     | Table
     | Figure
+    | Plots
     | KeyValues
     | Bullets
     | Note
@@ -303,12 +333,12 @@ Block: TypeAlias = (
 
 
 class View(Struct, frozen=True, kw_only=True):
-    """A whole page.
+    """All that a result shows.
 
     Attributes:
         title: title of the page and of the browser window.
-        lead: the result in one or two sentences.
-        sections: the parts of the page.
+        lead: the result in one or two sentences; the last line in a terminal.
+        sections: the parts of it, what needs attention first.
         badge: the verdict, next to the title.
         facts: what the page is about, below the lead: folder, days, date.
         made_by: footer: the program that made the page, and its source.

@@ -203,7 +203,7 @@ class TestStreams:
         extract("--explain")
         captured = capsys.readouterr()
         assert captured.err == ""
-        for text in ("FC6310R", "3660.50", "0.669", "calibrated", "valid", "DewarpData", "K_matrix.npy"):
+        for text in ("FC6310R", "3660.50", "calibrated", "valid", "DewarpData", "K_matrix.npy"):
             assert text in captured.out
 
     def test_a_refused_sensor_is_told_with_json_as_well(

@@ -13,7 +13,7 @@ from calibrary.calibration import Calibration
 from calibrary.cli.main import main
 from calibrary.jobs.diff.comparison import compare
 from calibrary.jobs.diff.page import comparison_page
-from calibrary.jobs.extract.page import _origin as extracted
+from calibrary.jobs.extract.told import _origin as extracted
 from calibrary.jobs.site.building import entry_files
 from calibrary.jobs.site.folder import Place
 from calibrary.pages import render_page

@@ -15,7 +15,7 @@ from playwright.sync_api import Browser, BrowserContext, Page, Route, sync_playw
 
 from calibrary.cli.main import main
 from calibrary.jobs.extract.outputs import plan
-from calibrary.jobs.extract.page import report_page
+from calibrary.jobs.extract.told import told
 from calibrary.pages import render_page
 from tests.house.project import ROOT
 from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, picture
@@ -72,7 +72,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     picture(flight / "stripped.jpg")
     (flight / "torn.jpg").write_bytes(b"\xff\xd8\xff")
     outcome = gate(flight)
-    page = report_page(plan(outcome, out / "K_matrix.npy", None))
+    page = told(plan(outcome, out / "K_matrix.npy", None))
     (out / "extract.html").write_text(render_page(page), encoding="utf-8")
     written_by_commands(out)
     return out

@@ -33,7 +33,12 @@ exit code 0: every image has a valid K; 1: at least one has none or cannot be re
 Pictures that no camera took, such as a preview or a map, are skipped with a line and do not count.
 """
 
-
+DOING = {
+    "images": "reading images",
+    "features": "finding features",
+    "pairs": "matching pairs of images",
+    "placed": "placing images",
+}
 SOURCE_DOCUMENT = "flags of the source document"
 GROUPS = {
     "which images": ("recursive", "workers", "cluster"),
@@ -93,15 +98,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     _check_flags(arguments)
-    from calibrary.cli.console import note, out
-    from calibrary.cli.extract_display import Display
+    from calibrary.cli.console import note, out, plain
+    from calibrary.cli.progress import Bar
+    from calibrary.cli.shown import show
     from calibrary.jobs.extract.report import encode
+    from calibrary.jobs.extract.told import told
     from calibrary.jobs.tables import cameras, images
 
     wanted = {"list_images": True} if arguments.image_table is not None else {}
-    with _lines(arguments) as lines, Display(out(arguments), note(arguments)) as display:
+    with _lines(arguments) as lines, Bar(note(arguments), "") as bar:
         result = call(
-            extract, arguments, images=_folders(arguments), lines=lines, progress=display.progress, **wanted
+            extract,
+            arguments,
+            images=_folders(arguments),
+            lines=lines,
+            progress=lambda done, total, what: bar(done, total, DOING[what]),
+            **wanted,
         )
     for place, table in ((arguments.table, cameras), (arguments.image_table, images)):
         if place == "-" or not arguments.dry_run:
@@ -111,7 +123,9 @@ def run(arguments: argparse.Namespace) -> int:
         sys.stdout.flush()
         planned = result.outputs
         sys.stdout.buffer.write(planned.files[planned.report] if planned.report else encode(result))
-    display.show(result, program=arguments.to, dry_run=arguments.dry_run, explain=arguments.explain)
+        for warning in result.warnings:
+            note(arguments).say(f"[yellow]note[/]: {plain(warning)}")
+    show(out(arguments), told(result, files=True), whole=arguments.explain)
     return int(result.exit_code)
 
 

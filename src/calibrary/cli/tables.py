@@ -41,6 +41,8 @@ class Column(Struct, frozen=True, kw_only=True):
         wraps: whether it contains sentences, which may be wrapped between words.
         right: whether it is aligned right, as for numbers.
         style: of its cells.
+        below: whether its sentences stand below the row at every width, each on its own lines; the columns of such a
+            table that do not fit are left out, so that a row takes one line without a sentence.
     """
 
     name: str
@@ -48,6 +50,7 @@ class Column(Struct, frozen=True, kw_only=True):
     wraps: bool = False
     right: bool = False
     style: str = ""
+    below: bool = False
 
 
 class _Cell(NamedTuple):
@@ -93,13 +96,17 @@ def fitted(
         header: whether to print the column names.
     """
     cells = [[_cell(cell, columns[i].style) for i, cell in enumerate(row)] for row in rows]
-    kept = [i for i in range(len(columns)) if any(row[i].text for row in cells)]
+    kept = [i for i in range(len(columns)) if not columns[i].below and any(row[i].text for row in cells)]
     least = {i: _least(columns[i], [row[i] for row in cells], header=header) for i in kept}
+    left_out = set[int]()
     while sum(least[i] + GAP for i in kept) - GAP > width:
         leaving = max(kept, key=lambda i: (columns[i].rank, i))
         if columns[leaving].rank == 0:
             break
         kept.remove(leaving)
+        left_out.add(leaving)
+    if not any(column.below for column in columns):
+        left_out.clear()
     widths = _shared({i: least[i] for i in kept}, columns, cells, width)
     lines: list[_Cell] = []
     if header and any(columns[i].name for i in kept):
@@ -109,7 +116,7 @@ def fitted(
             row[i] if row[i].wide <= widths[i] or _longest(row[i]) <= widths[i] else _EMPTY for i in kept
         ]
         lines += _row(beside, kept, columns, widths)
-        shown = {i for i, cell in zip(kept, beside, strict=True) if cell.text}
+        shown = left_out | {i for i, cell in zip(kept, beside, strict=True) if cell.text}
         lines += _stacked([(columns[i], row[i]) for i in range(len(columns)) if i not in shown], width)
     return [line.line() for line in lines]
 
@@ -284,6 +291,12 @@ def _stacked(cells: Sequence[tuple[Column, _Cell]], width: int) -> Iterator[_Cel
     wide = 0
     for column, cell in cells:
         if not cell.text:
+            continue
+        if column.below:
+            if line:
+                yield from _below(_joined(line), width)
+                line, wide = [], 0
+            yield from _below(cell, width)
             continue
         item = _joined([_styled(f"{column.name} ", "dim"), cell]) if column.name else cell
         own = item.wide

@@ -61,7 +61,7 @@ def test_dropped_files_get_the_answer_of_their_folder(tab: Open, demo_flight: Fl
     by_path(one, demo_flight[0])
     of_folder = kept(one, tmp_path)
     said = one.page.locator("main").inner_text()
-    assert "cameras in 18 images" in one.page.locator("body").inner_text()
+    assert "11 cameras, judged by the fleet policy" in one.page.locator("body").inner_text()
     advice = [each["what_to_do"] for each in json.loads(of_folder["K_matrix.json"])["cameras"]]
     assert [text for text in advice if text and text not in said] == []
     dropped(one, [path for path in demo_flight[0].rglob("*") if path.is_file()])
@@ -125,7 +125,7 @@ def test_names_of_files_are_no_paths(tab: Open, tmp_path: Path) -> None:
     one = tab()
     dropped(one, [{"name": name, "mimeType": "image/jpeg", "buffer": data} for name in names])
     kept(one, tmp_path)
-    assert "1 camera in 8 images" in one.page.locator("body").inner_text()
+    assert "1 camera, judged by the fleet policy" in one.page.locator("body").inner_text()
     assert "\u202e" not in one.page.content()
     assert one.complaints == []
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from calibrary.jobs.extract.page import _of_pixels
+from calibrary.jobs.extract.told import _of_pixels
 from calibrary.pages.plots.intervals import Role
 from calibrary.sfm.pixel_check import PixelVerdict
 

@@ -13,22 +13,25 @@ import json
 import re
 import threading
 import zipfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import BinaryIO, Final, cast
 
 import msgspec
 
-from calibrary.errors import InputError
+from calibrary.errors import InputError, first_of
 from calibrary.jobs.desk.running import REPORT, desk_page, how, place_of, without_result
 from calibrary.jobs.desk.work import Job
 from calibrary.jobs.extract.hand_off import TARGETS
+from calibrary.jobs.extract.report import ExtractReport
+from calibrary.jobs.extract.told import told
 from calibrary.jobs.images.observation import Image, observe
 from calibrary.jobs.images.ranged import FIRST, Ranged
-from calibrary.pages.wording import count, sentence
+from calibrary.pages.wording import count
 from calibrary.parsers.files import is_image
 from calibrary.parsers.imagery.source import Source
-from calibrary.view import Badge, Column, Field, Form, Link, Note, Section, Table, Tone, View
+from calibrary.records import from_json, replace
+from calibrary.view import Field, Form, Link, Note, Section, View
 
 MATRIX: Final = "K_matrix.npy"
 MOST_FILES: Final = 100_000
@@ -40,8 +43,6 @@ PART: Final = 4 << 20
 """Bytes of a file that are sent at once."""
 LARGEST_BESIDE: Final = 4 << 20
 """Bytes of a file that is no image and may be a calibration; larger ones are not read as one either."""
-TONES: Final = {"valid": Tone.GOOD, "unproven": Tone.CAUTION, "rejected": Tone.BAD}
-MOST_CAMERAS: Final = 500
 
 
 class _Sent(msgspec.Struct, array_like=True, forbid_unknown_fields=True):
@@ -282,65 +283,23 @@ def checked(job: Job, address: str, drop: Drop | None) -> View:
     again = Link("Check another flight", "/flight")
     if job.is_cancelled or not file.is_file():
         return without_result(job, again=again)
-    found = json.loads(file.read_text(encoding="utf-8"))
-    cameras = found["cameras"]
-    valid = sum(one["verdict"] == "valid" for one in cameras)
-    notes = [Note(text=sentence(text), tone=Tone.CAUTION) for text in found["warnings"]]
-    unread = [f"{one['file']}: {one['reason']}" for one in found["rejected"]]
-    notes += [Note(text=sentence(f"cannot be read: {text}"), tone=Tone.BAD) for text in unread[:20]]
+    found = from_json(ExtractReport, json.loads(file.read_bytes()))
+    view = told(found)
+    [answer] = view.sections[:1]
+    left: tuple[Note, ...] = ()
     if left_out := drop.left_out if drop is not None else ():
-        names = ", ".join(left_out[:5])
-        text = f"{count(len(left_out), 'file')} left out, neither images nor small enough for calibrations: {names}"
-        notes.append(Note(text=text))
-    table = Table(
-        caption="One K for each camera",
-        columns=(
-            Column("camera"),
-            Column("verdict"),
-            Column("use"),
-            Column("images", numeric=True),
-            Column("fx (px)", numeric=True),
-            Column("why"),
-            Column("what to do"),
-        ),
-        rows=tuple(_rows(cameras[:MOST_CAMERAS])),
-    )
-    return desk_page(
-        title=job.title,
-        badge=Badge("good", Tone.GOOD) if job.code == 0 else Badge("needs attention", Tone.CAUTION),
-        lead=f"{count(len(cameras), 'camera')} in {count(found['images'], 'image')}, {valid} with a valid K, judged by "
-        f"the {found['policy']} policy.",
-        sections=(
-            Section(title="Cameras", blocks=(table, *notes)),
-            Section(
-                title="To take along",
-                blocks=(
-                    Link("The whole report: every source, every camera", f"{address}/{REPORT}"),
-                    Link("Everything as a zip: K, report and files for the program", f"{address}/all.zip"),
-                    *how(job, again=again),
-                ),
-            ),
+        names = f"{count(len(left_out), 'file')}: {first_of(left_out)}"
+        left = (Note(text=f"left out, neither images nor small enough for calibrations: {names}"),)
+    along = Section(
+        title="To take along",
+        blocks=(
+            Link("The whole report: every source, every camera", f"{address}/{REPORT}"),
+            Link("Everything as a zip: K, report and files for the program", f"{address}/all.zip"),
+            *how(job, again=again),
         ),
     )
-
-
-def _rows(cameras: Sequence[Mapping[str, object]]) -> Iterator[tuple[str | Badge, ...]]:
-    for one in cameras:
-        K = (cast("Mapping[str, Mapping[str, float] | None] | None", one["calibration"]) or {}).get(
-            "intrinsics"
-        )
-        use = cast("Mapping[str, str] | None", one["use"])
-        verdict = str(one["verdict"])
-        yield (
-            str(one["label"] or one["id"]),
-            Badge(verdict, TONES.get(verdict, Tone.NEUTRAL)),
-            use["use"] if use is not None else "–",
-            str(len(cast("Sequence[object]", one["images"])) + cast("int", one["more_images"])),
-            f"{K['fx']:.2f}" if K else "–",
-            # Apart, so that each is shown whole, and a command as it is typed.
-            sentence(str(one["why"])) if one["why"] else "–",
-            str(one["what_to_do"] or "–"),
-        )
+    sections = (replace(answer, blocks=(*answer.blocks, *left)), along)
+    return replace(view, title=job.title, sections=sections, contents=False)
 
 
 def archive(folder: Path) -> bytes:

@@ -54,10 +54,8 @@ class JudgedCamera:
 
     @property
     def name(self) -> str:
-        """The camera in words, after its label; with its unit if its short name has that, to tell two apart."""
-        key = self.camera.key
-        unit = f", unit {key.serial[:8]}" if key.serial and _serial(key)[0] in self.slug else ""
-        return f"{self.label}: {key}{unit}" if self.label is not None else f"{key}{unit}"
+        """The camera in words."""
+        return name_of(self.camera.key, self.slug, self.label)
 
     @property
     def outranked(self) -> Calibration | None:
@@ -120,6 +118,12 @@ class JudgedCamera:
         if self.fallback is not None and self.fallback.report is not None:
             return self.fallback.report.remedy
         return self.camera.remedy
+
+
+def name_of(key: CameraKey, slug: str, label: str | None) -> str:
+    """The camera in words, after its label; with its unit if its short name has that, to tell two apart."""
+    unit = f", unit {key.serial[:8]}" if key.serial and _serial(key)[0] in slug else ""
+    return f"{label}: {key}{unit}" if label is not None else f"{key}{unit}"
 
 
 def slugs_of(cameras: Sequence[Camera]) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import stat
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -116,13 +116,13 @@ class Wanted(Struct, frozen=True, kw_only=True):
             copied=self.copy_images,
             drop_distortion=self.drop_distortion,
         )
-        planned = report.outputs
+        planned = replace(report.outputs, is_dry_run=dry_run)
+        report = replace(report, outputs=planned)
         if self.html is not None:
-            from calibrary.jobs.extract.page import report_page  # noqa: PLC0415  draws with matplotlib
+            from calibrary.jobs.extract.told import told  # noqa: PLC0415  draws with matplotlib
             from calibrary.pages import render_page  # noqa: PLC0415  as above
 
-            page = report_page(report, datetime.now(UTC).date())
-            planned.files[self.html] = render_page(page).encode()
+            planned.files[self.html] = render_page(told(report, checked=datetime.now(UTC).date())).encode()
         if not dry_run:
             if planned.task is not None:
                 lay_out(planned.task)
@@ -213,7 +213,7 @@ def plan(
     warnings = (
         *found.warnings,
         *((left_over(path.name for path in stale),) if stale else ()),
-        *(f"{slug} is not handed to {program}: {why}" for slug, why in refused.items()),
+        *_refusals(program, refused),
         *((f"nothing is handed to {program}: {failed}",) if failed else ()),
         *said,
     )
@@ -246,6 +246,15 @@ def plan(
     for path in files:
         _check_replaceable(path)
     return report
+
+
+def _refusals(program: Program | None, refused: Mapping[str, str]) -> Iterator[str]:
+    """The cameras that a program does not get, those with one reason together."""
+    reasons: dict[str, list[str]] = {}
+    for slug, why in refused.items():
+        reasons.setdefault(why, []).append(slug)
+    for why, slugs in reasons.items():
+        yield f"{first_of(slugs)} {'is' if len(slugs) == 1 else 'are'} not handed to {program}: {why}"
 
 
 def _matrices(cameras: Sequence[JudgedCamera], matrix_path: Path) -> tuple[dict[Path, bytes], dict[str, str]]:

@@ -14,14 +14,14 @@ from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics
 from calibrary.evidence.context import Dropped, SourceEstimate
 from calibrary.evidence.weighing import Cause
 from calibrary.interop.colmap_database import DatabaseChange
-from calibrary.interop.notebook import html_rows
 from calibrary.jobs.extract.calibration_files import CalibrationsOfFile
 from calibrary.jobs.extract.cameras import Camera, StateDocument
-from calibrary.jobs.extract.extraction import JudgedCamera
+from calibrary.jobs.extract.extraction import JudgedCamera, name_of
 from calibrary.jobs.extract.fallback import Step
 from calibrary.jobs.extract.hand_off import TaskFolder, seed_command
 from calibrary.jobs.images.folders import SkippedFile
 from calibrary.jobs.use import Allowed
+from calibrary.pages.notebook import in_notebook
 from calibrary.policy import FLEET, Policy
 from calibrary.records import Json, Meta, Record, encoded
 from calibrary.sfm.pixel_check import PixelCheck
@@ -140,6 +140,16 @@ class CameraDocument(Record):
     pixels: PixelCheck | None = None
     use: Allowed | None = None
 
+    @property
+    def name(self) -> str:
+        """The camera in words."""
+        return name_of(self.camera, self.id, self.label)
+
+    @property
+    def count(self) -> int:
+        """Number of images."""
+        return len(self.images) + self.more_images
+
     def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
         camera = document.pop("camera")
         return document | {"calibration": document["calibration"] or {"camera": camera}}
@@ -182,6 +192,7 @@ class Outputs(Struct, frozen=True, kw_only=True):
         refine: which parameters a bundle adjustment should refine, by slug.
         database: change to be written to a COLMAP database.
         task: folder for a solver, its files also in ``files``.
+        is_dry_run: whether nothing of it is written.
     """
 
     files: dict[Path, bytes] = field(default_factory=dict)
@@ -194,6 +205,7 @@ class Outputs(Struct, frozen=True, kw_only=True):
     refine: dict[str, str] = field(default_factory=dict)
     database: DatabaseChange | None = None
     task: TaskFolder | None = None
+    is_dry_run: bool = False
 
 
 class ExtractReport(Record, tag_field="schema", tag="calibrary/report-1"):
@@ -265,18 +277,8 @@ class ExtractReport(Record, tag_field="schema", tag="calibrary/report-1"):
         return f"{' and '.join(counted)} unread" if counted else None
 
     def _repr_html_(self) -> str:
-        """Return the cameras and the images that were not read as HTML, for notebooks."""
-        rows = []
-        for one in self.cameras:
-            K = one.calibration.intrinsics if one.calibration is not None else None
-            numbers = [f"{value:.2f}" for value in (K.fx, K.fy, K.cx, K.cy)] if K is not None else [""] * 4
-            grade = one.calibration.grade.value if one.calibration is not None else ""
-            name = f"{one.label}: {one.camera}" if one.label is not None else str(one.camera)
-            count = str(len(one.images) + one.more_images)
-            rows.append((name, count, one.verdict.value, *numbers, grade, one.why or ""))
-        columns = ("camera", "images", "verdict", "fx px", "fy px", "cx px", "cy px", "grade", "why")
-        title = f"{len(rows)} camera{'s' * (len(rows) != 1)}, {self.policy} policy"
-        return html_rows(columns, rows, title=f"{title}; {self.unread}" if self.unread else title)
+        """Return the answer as HTML, for notebooks."""
+        return in_notebook(self)
 
 
 def encode(document: Mapping[str, Json] | Record) -> bytes:

@@ -1,26 +1,31 @@
-"""Page of a run for a client: subject, what to do first, all cameras with their K."""
+"""What a run shows: every camera with its K and what to do, the files, and of each camera all that was weighed."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from datetime import date
+from functools import partial
+from pathlib import Path
 from typing import Final
 
+from msgspec import Struct
+
 from calibrary.calibration import Calibration, Grade
+from calibrary.errors import first_of
 from calibrary.evidence.context import SourceEstimate
 from calibrary.jobs.extract.cameras import StateDocument
 from calibrary.jobs.extract.extraction import JudgedCamera
 from calibrary.jobs.extract.fallback import Fallback
 from calibrary.jobs.extract.hand_off import seed_command
 from calibrary.jobs.extract.own import known_of
-from calibrary.jobs.extract.report import ExtractReport
+from calibrary.jobs.extract.report import CameraDocument, ExtractReport, Outputs
 from calibrary.jobs.survey import Who
 from calibrary.pages.plots import Axis, Band, Interval, Role, distortion_map, intervals, radial_curve
 from calibrary.pages.wording import (
     SEVERITIES,
     UNPROVEN,
     count,
-    cut_table,
     distortion_blocks,
     intrinsics_items,
     known,
@@ -31,7 +36,7 @@ from calibrary.pages.wording import (
 from calibrary.policy import Policy
 from calibrary.provenance import facts
 from calibrary.sfm.pixel_check import PixelCheck, PixelVerdict
-from calibrary.validation import Report, Verdict
+from calibrary.validation import Report, Severity, Verdict
 from calibrary.view import (
     Badge,
     Block,
@@ -44,8 +49,8 @@ from calibrary.view import (
     KeyValues,
     Link,
     Note,
+    Plots,
     Section,
-    SideBySide,
     Table,
     Tone,
     View,
@@ -54,35 +59,70 @@ from calibrary.view import (
 MOST_DRAWN: Final = 40
 """Most cameras with plots; more would make the page slow to create and to open."""
 MOST_CAMERAS: Final = 500
-MOST_DUE: Final = 100
+MOST_VALID: Final = 10
+"""Most valid cameras with a row of their own."""
+FEW: Final = 3
+"""So many causes for which images have no camera, and files, are named one by one."""
+SET_ASIDE: Final = "images-skipped"
+UNREAD_ADVICE: Final = "copy these files from the camera again, or leave them out"
 
 
-def report_page(found: ExtractReport, checked: date | None = None) -> View:
-    """Make the page of a run on a day."""
-    # Cameras that need attention come first, because a page is read from the top.
-    cameras = sorted(found.judged, key=lambda c: -list(Verdict).index(c.verdict))
-    shown = cameras[:MOST_CAMERAS]
-    sections = [Section(title="What to do first", blocks=tuple(_first(found, cameras)))]
-    sections.append(_overview(found, shown))
-    sections += [camera_section(c, found.limits, drawn=i < MOST_DRAWN) for i, c in enumerate(shown)]
+class Row(Struct, frozen=True, kw_only=True):
+    """A row of the answer: a camera, cameras with one cause, or images that have none."""
+
+    camera: Cell
+    verdict: Badge
+    use: str = ""
+    grade: str = ""
+    images: int
+    fx: str = ""
+    why: str = ""
+    do: str = ""
+
+
+CAMERAS: Final = (
+    Column("camera", lambda row: row.camera),
+    Column("verdict", lambda row: row.verdict),
+    Column("use", lambda row: row.use, rank=2),
+    Column("grade", lambda row: row.grade, rank=3),
+    Column("images", lambda row: str(row.images), numeric=True, rank=4),
+    Column("fx (px)", lambda row: row.fx, numeric=True, rank=1),
+    Column("why", lambda row: row.why, below=""),
+    Column("what to do", lambda row: row.do, below="→ "),
+)
+"""May I use it, as what, how is it known; and what keeps it from being used."""
+
+
+def told(found: ExtractReport, *, checked: date | None = None, files: bool = False) -> View:
+    """Describe a run; of one that was read from its file there is the answer alone.
+
+    Args:
+        found: the result.
+        checked: the day of the check, if the description is kept.
+        files: whether to say where its files are, which only those read who made them.
+    """
+    # Cameras that need attention come first.
+    judged = sorted(found.judged, key=lambda c: -list(Verdict).index(c.verdict))[:MOST_CAMERAS]
+    sections = [_answer(found)]
+    if files and found.outputs.files:
+        sections.append(_files(found.outputs))
+    sections += [camera_section(c, found.limits, drawn=i < MOST_DRAWN) for i, c in enumerate(judged)]
     if found.rejected or found.skipped:
-        sections.append(_skipped(found))
-    counts = {verdict: sum(c.verdict is verdict for c in cameras) for verdict in Verdict}
-    verdicts = ", ".join(f"{number} {verdict}" for verdict, number in counts.items() if number) or "none"
-    good = found.exit_code == 0
+        sections.append(_set_aside(found))
+    counts = Counter(camera.verdict for camera in found.cameras)
+    verdicts = ", ".join(f"{counts[verdict]} {verdict}" for verdict in Verdict if counts[verdict]) or "none"
+    unread = f"; {found.unread}" if found.unread else ""
+    is_good = found.exit_code == 0
     return View(
-        title=f"Camera check: {count(len(cameras), 'camera')}",
-        badge=Badge("every K is valid", Tone.GOOD) if good else Badge("needs attention", Tone.BAD),
-        lead=f"{verdicts[0].upper()}{verdicts[1:]}, judged by the {found.policy} policy. "
-        "Only a valid K is handed to a solver.",
+        title=f"Camera check: {count(len(found.cameras), 'camera')}",
+        badge=Badge("every K is valid", Tone.GOOD) if is_good else Badge("needs attention", Tone.BAD),
+        lead=f"{count(len(found.cameras), 'camera')}, judged by the {found.policy} policy: {verdicts}{unread}",
         facts=known(
             ("folder", several(found.places) if found.places else None),
             ("flown", _days(found.days)),
             ("checked on", checked),
         ),
         sections=tuple(sections),
-        # The overview links to every camera.
-        contents=False,
         made_by=made_by(f"from {count(found.images, 'image')}"),
     )
 
@@ -93,91 +133,125 @@ def _days(days: tuple[date, date] | None) -> str | None:
     return str(days[0]) if days[0] == days[1] else f"{days[0]} to {days[1]}"
 
 
-def _first(found: ExtractReport, cameras: Sequence[JudgedCamera]) -> Iterator[Block]:
-    """The cameras without a valid K and the images without K, each with the next step."""
-    due: list[tuple[Cell, ...]] = [
-        (
-            Link(camera.name, f"#{camera.slug}"),
-            verdict_badge(camera),
-            camera.reason or "–",
-            camera.advice or "–",
-        )
-        for camera in cameras
-        if camera.verdict is not Verdict.VALID
-    ]
-    if found.unread is not None:
-        reason = found.rejected[0].reason
-        others = (
-            f"; the others: see {SKIPPED.lower()}" if len(found.rejected) + found.more_rejected > 1 else ""
-        )
-        action = "copy these files from the camera again, or leave them out"
-        due.append(
-            (
-                Link(found.unread, f"#{SKIPPED_ANCHOR}"),
-                Badge("unread", Tone.BAD),
-                f"{reason}{others}",
-                action,
-            )
-        )
-    if not due:
-        yield Note(text="Nothing: every image has a valid K.", tone=Tone.GOOD)
-        return
-    columns = (Column("camera or images"), Column("verdict"), Column("reason"), Column("do this"))
-    caption = "What keeps this flight from being processed as it is"
-    yield from cut_table(caption, columns, due, most=MOST_DUE, rest="the report")
-
-
-SKIPPED: Final = "Images skipped"
-SKIPPED_ANCHOR: Final = "images-skipped"
-
-
-def _overview(found: ExtractReport, cameras: Sequence[JudgedCamera]) -> Section:
-    columns = (
-        Column("camera"),
-        Column("verdict"),
-        Column("images", numeric=True),
-        Column("fx (px)", numeric=True),
-        Column("grade"),
-        Column("file with K"),
-    )
-    blocks: list[Block] = [Note(text=text, tone=Tone.CAUTION) for text in found.warnings]
-    blocks.append(
-        Table(
-            caption="Every camera that was found in the images, those that need attention first",
-            columns=columns,
-            rows=tuple(_row(camera, found.outputs.matrices.get(camera.slug)) for camera in cameras),
-        )
-    )
-    if len(found.judged) > len(cameras):
-        blocks.append(f"{len(found.judged) - len(cameras)} more cameras are in the report only.")
-    unmeasured = sum(c.uncalibrated for c in found.judged if c.calibration is not None)
+def _answer(found: ExtractReport) -> Section:
+    """Every camera, those that need attention first and those with one cause together, and what else is to be known."""
+    caption = "May a K be used, as what, and how it is known; what needs attention first"
+    blocks: list[Block] = [Table.of(caption, _rows(found), CAMERAS)]
+    blocks += [UNPROVEN] if any(c.verdict is Verdict.UNPROVEN for c in found.cameras) else []
+    unmeasured = sum(c.uncalibrated for c in found.cameras if c.calibration is not None)
     if unmeasured:
         blocks.append(
             Note(
-                text=f"For {count(unmeasured, 'camera')} the principal point and the distortion were not measured: "
-                "good enough for a reconstruction to converge, not for survey accuracy."
+                text=f"uncalibrated: for {unmeasured} of {count(len(found.cameras), 'camera')} the principal point "
+                "and the distortion were not measured; good enough for SfM to converge, not for survey accuracy"
             )
         )
-    if any(c.verdict is Verdict.UNPROVEN for c in found.judged):
-        blocks.append(UNPROVEN)
-    shown = {c.calibration.grade for c in found.judged if c.calibration is not None}
-    blocks.append(Bullets(tuple(f"Grade {g.value}: {g.meaning}." for g in Grade if g in shown)))
+    if found.skipped:
+        first, more = found.skipped[0], len(found.skipped) + found.more_skipped - 1
+        others = f" and {more} more" if more else ""
+        blocks.append(f"Skipped, because no camera took it: {first.name}{others}: {first.reason}")
+    blocks += [Note(text=text, tone=Tone.CAUTION) for text in found.warnings]
+    grades = {c.calibration.grade for c in found.cameras if c.calibration is not None}
+    words = (
+        "verdict: whether something contradicts K, or nothing confirms it.",
+        "use: what a solver may do with K: keep it fixed, start from it and refine it, or none of the two.",
+        *(f"grade {one.value}: {one.meaning}." for one in Grade if one in grades),
+    )
+    blocks.append(Details(summary="What the words mean", blocks=(Bullets(words),)))
     return Section(title="Cameras", blocks=tuple(blocks))
 
 
-def _row(camera: JudgedCamera, output: str | None) -> tuple[Cell, ...]:
-    calibration = camera.calibration
-    return (
-        Link(camera.name, f"#{camera.slug}"),
-        verdict_badge(camera),
-        str(camera.camera.count),
-        f"{calibration.intrinsics.fx:.2f}" if calibration is not None else "–",
-        calibration.grade.value if calibration is not None else "–",
-        output or "–",
+def _rows(found: ExtractReport) -> Iterator[Row]:
+    """The rows of the answer: by verdict, worst first; cameras with one cause share one."""
+    causes: dict[object, list[CameraDocument]] = {}
+    for camera in found.cameras:
+        causes.setdefault(_cause(camera), []).append(camera)
+    for verdict in reversed(Verdict):
+        alike = [cameras for cameras in causes.values() if cameras[0].verdict is verdict]
+        yield from (_row(cameras) for cameras in alike if verdict is not Verdict.VALID)
+        if verdict is Verdict.REJECTED:
+            yield from _unread(found)
+    valid = [cameras for cameras in causes.values() if cameras[0].verdict is Verdict.VALID]
+    yield from map(_row, valid[:MOST_VALID])
+    if more := [camera for cameras in valid[MOST_VALID:] for camera in cameras]:
+        images = sum(camera.count for camera in more)
+        yield Row(camera=f"{len(more)} more", verdict=Badge(Verdict.VALID.value, Tone.GOOD), images=images)
+
+
+def _cause(camera: CameraDocument) -> object:
+    """What cameras with one cause have in common; a valid one is alone."""
+    if camera.verdict is Verdict.VALID:
+        return camera.id
+    rules = tuple(one.rule for one in camera.findings if one.severity in {Severity.ERROR, Severity.UNPROVEN})
+    return camera.verdict, camera.use and camera.use.use, rules or camera.why, camera.what_to_do
+
+
+def _row(cameras: Sequence[CameraDocument]) -> Row:
+    first, focal = cameras[0], [c.calibration.intrinsics.fx for c in cameras if c.calibration is not None]
+    more = f" and {len(cameras) - 1} more" if len(cameras) > 1 else ""
+    fx = f"{min(focal):.2f}" if focal else ""
+    if focal and f"{max(focal):.2f}" != fx:
+        fx = f"{min(focal):.0f} … {max(focal):.0f}"
+    grades = dict.fromkeys(c.calibration.grade.value for c in cameras if c.calibration is not None)
+    taken = first.fallback[0].source if first.fallback and first.why is None else None
+    return Row(
+        camera=Link(f"{first.name}{more}", f"#{first.id}"),
+        verdict=Badge(first.verdict.value, VERDICTS[first.verdict]),
+        use=first.use.use.value if first.use is not None else "",
+        grade=", ".join(grades),
+        images=sum(camera.count for camera in cameras),
+        fx=fx,
+        why=f"K from {taken} of the registry" if taken else first.why or "",
+        do=first.what_to_do or "",
     )
 
 
-def _skipped(found: ExtractReport) -> Section:
+def _unread(found: ExtractReport) -> Iterator[Row]:
+    """The images and folders that cannot be read, by reason."""
+    reasons: dict[str, list[str]] = {}
+    for one in found.rejected:
+        reasons.setdefault(one.reason, []).append(one.name)
+    badge, rest = Badge("unread", Tone.BAD), found.more_rejected
+    for number, (reason, names) in enumerate(reasons.items()):
+        if number < FEW:
+            yield Row(
+                camera=first_of(names, 1), verdict=badge, images=len(names), why=reason, do=UNREAD_ADVICE
+            )
+        else:
+            rest += len(names)
+    if rest:
+        yield Row(camera=f"{rest} more", verdict=badge, images=rest)
+
+
+def _files(outputs: Outputs) -> Section:
+    """What was written, and what a program was given."""
+    names = [*map(str, outputs.files)] if len(outputs.files) <= FEW else [*_in_short(outputs.files)]
+    said = [", ".join(names)]
+    if outputs.task is not None:
+        linked = "copied" if outputs.task.copied else "linked"
+        folders = Counter(path.parent for path in outputs.task.images)
+        said += [f"{folder}: {count(number, 'image')}, {linked}" for folder, number in folders.items()]
+    if outputs.database is not None:
+        said.append(f"{outputs.database.path}: {count(len(outputs.database.after), 'camera')}")
+    by_text: dict[str, list[str]] = {}
+    for slug, text in outputs.refine.items():
+        by_text.setdefault(text, []).append(slug)
+    said += [f"{first_of(slugs)}: {text}" for text, slugs in by_text.items()]
+    title = "Would be written" if outputs.is_dry_run else "Written"
+    return Section(title=title, blocks=tuple(said))
+
+
+def _in_short(files: Iterable[Path]) -> Iterator[str]:
+    """Names of the files; several files of K by their common form."""
+    kinds: dict[Path, list[Path]] = {}
+    for path in files:
+        kind = path.with_name(f"{path.name.partition('.')[0]}.*.npy") if path.suffix == ".npy" else path
+        kinds.setdefault(kind, []).append(path)
+    for kind, alike in kinds.items():
+        yield f"{kind} ({len(alike)} files)" if len(alike) > 1 else str(alike[0])
+
+
+def _set_aside(found: ExtractReport) -> Section:
     set_aside = (*found.rejected, *found.skipped)
     shown = set_aside[:MOST_NAMES]
     table = Table(
@@ -190,8 +264,8 @@ def _skipped(found: ExtractReport) -> Section:
     if unlisted:
         told = f"{more + unlisted} more; the report lists {len(set_aside)} of them all."
     blocks: tuple[Block, ...] = (table, told) if more or unlisted else (table,)
-    title = f"{SKIPPED}: {len(set_aside) + unlisted}"
-    return Section(title=title, anchor=SKIPPED_ANCHOR, blocks=blocks, printed=False)
+    title = f"Images skipped: {len(set_aside) + unlisted}"
+    return Section(title=title, anchor=SET_ASIDE, blocks=blocks, printed=False)
 
 
 VERDICTS: Final = {Verdict.VALID: Tone.GOOD, Verdict.UNPROVEN: Tone.CAUTION, Verdict.REJECTED: Tone.BAD}
@@ -215,12 +289,8 @@ def camera_section(camera: JudgedCamera, policy: Policy, *, drawn: bool) -> Sect
         drawn: whether to include plots.
     """
     blocks = [*_judgement(camera), *_numbers(camera)]
-    if drawn:
-        plots = [plot for plot in (_evidence(camera, policy),) if plot is not None]
-        if camera.calibration is not None and camera.calibration.distortion is not None:
-            arrows, _ = distortion_map(camera.calibration)
-            plots += [arrows, radial_curve(camera.calibration)]
-        blocks += [SideBySide(tuple(plots))] if plots else []
+    if drawn and (camera.camera.evidence.estimates or camera.calibration is not None):
+        blocks.append(Plots(partial(_plots, camera, policy)))
     if camera.pixels is not None:
         blocks += _pixels(camera.pixels)
     blocks += _findings(camera.report)
@@ -235,6 +305,14 @@ def camera_section(camera: JudgedCamera, policy: Policy, *, drawn: bool) -> Sect
         blocks=tuple(blocks),
         printed=False,
     )
+
+
+def _plots(camera: JudgedCamera, policy: Policy) -> Iterator[Figure]:
+    if (evidence := _evidence(camera, policy)) is not None:
+        yield evidence
+    if camera.calibration is not None and camera.calibration.distortion is not None:
+        yield distortion_map(camera.calibration)[0]
+        yield radial_curve(camera.calibration)
 
 
 def _judgement(camera: JudgedCamera) -> Iterator[Block]:

@@ -1,0 +1,97 @@
+"""A result is described once: terminal, page, desk and notebook show the same columns and words in one order."""
+
+from __future__ import annotations
+
+import html
+import io
+import re
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from calibrary.cli.console import Screen
+from calibrary.cli.shown import show
+from calibrary.jobs.desk import flights
+from calibrary.jobs.extract.outputs import plan
+from calibrary.jobs.extract.report import ExtractReport
+from calibrary.jobs.extract.told import told
+from calibrary.pages import render_page
+from calibrary.view import Table, View, text_of
+from tests.jobs.extract.fleet import DEWARP, P4R, gate, picture
+
+
+def terminal(view: View) -> str:
+    screen = Screen(file=io.StringIO(), width=300)
+    show(screen, view)
+    assert isinstance(screen.file, io.StringIO)
+    return screen.file.getvalue()
+
+
+def order(words: list[str], text: str) -> None:
+    """Each of the words is in the text, in this order."""
+    at = 0
+    for word in words:
+        found = text.find(word, at)
+        assert found >= 0, (word, text)
+        at = found + len(word)
+
+
+def answer(view: View) -> Table:
+    return next(block for block in view.sections[0].blocks if isinstance(block, Table))
+
+
+def cells(table: Table) -> list[str]:
+    rows = [[text_of(cell) for cell in row] for row in table.rows]
+    return [cell for row in ([one.title for one in table.columns], *rows) for cell in row if cell]
+
+
+def rendered(view: View) -> str:
+    body = render_page(view).partition("<main")[2]
+    return html.unescape(re.sub(r"\s+", " ", re.sub(r"</?(span|bdi|wbr)[^>]*>", "", body)))
+
+
+def shown_equally(view: View, in_notebook: str) -> None:
+    """The table of the answer is whole and in the same order in every medium."""
+    table = answer(view)
+    beside = [one.title for one in table.columns if one.below is None]
+    order(beside, terminal(view))
+    order([text_of(cell) for row in table.rows for cell in row if cell], terminal(view))
+    order(cells(table), rendered(view))
+    order(cells(table), html.unescape(in_notebook))
+
+
+@pytest.fixture
+def extracted(tmp_path: Path) -> ExtractReport:
+    flight = tmp_path / "flight"
+    picture(flight / "a.jpg", **P4R, dewarp=DEWARP)
+    picture(flight / "b.jpg", (4000, 3000), make="Acme", model="Nine", focal_mm=(0, 0))
+    (flight / "torn.jpg").write_bytes(b"\xff\xd8\xff")
+    return plan(gate(flight), tmp_path / "K_matrix.npy")
+
+
+def test_extract_is_shown_equally(extracted: ExtractReport) -> None:
+    shown_equally(told(extracted), extracted._repr_html_())
+
+
+def test_the_desk_shows_what_extract_shows(extracted: ExtractReport, tmp_path: Path) -> None:
+    for path, content in extracted.outputs.files.items():
+        path.write_bytes(content)
+    job = SimpleNamespace(
+        folder=tmp_path, is_cancelled=False, text="", command="calibrary extract", title="Check"
+    )
+    at_desk = flights.checked(cast("Any", job), "/job/1", None)
+    assert answer(at_desk) == answer(told(extracted))
+    assert (at_desk.badge, at_desk.lead) == (told(extracted).badge, told(extracted).lead)
+
+
+def test_twenty_cameras_are_told_in_two_dozen_lines(tmp_path: Path) -> None:
+    for number in range(300):
+        camera = number % 20
+        if camera < 15:
+            picture(tmp_path / f"{number}.jpg", **P4R | {"body_serial": str(camera)}, dewarp=DEWARP)
+        else:
+            picture(tmp_path / f"{number}.jpg", make="Acme", model=f"No{camera}", focal_mm=(0, 0))
+    report = plan(gate(tmp_path), tmp_path / "K_matrix.npy", "odm")
+    assert len(terminal(told(report, files=True)).splitlines()) <= 24
