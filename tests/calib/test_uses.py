@@ -67,6 +67,10 @@ def test_a_corner_proves_its_surroundings_only() -> None:
 def test_a_careful_set_may_be_kept_fixed_and_the_record_says_where_it_is_proven() -> None:
     result = estimate(shoot(how=Session(views=25, sigma_px=0.1)))
     fixed = result.uses.of(AskedUse.FIXED)
+    assert result.uses.sigma_px is not None
+    assert result.uses.position_cm == pytest.approx(
+        100 * FLEET.flying_height_m * result.uses.sigma_px / result.calibration.intrinsics.fx
+    )
     assert [one.use for one in result.uses.checks if one.holds] == [
         AskedUse.FIXED,
         AskedUse.MAP,

@@ -60,6 +60,14 @@ def test_no_more_images_are_advised_than_can_be_asked_for(flat: FlightResult) ->
     assert any(one.measure == "--images 200: 900 images were not chosen" for one in found)
 
 
+@pytest.mark.parametrize(
+    "other", [{"separates_height": False}, {"fx": 1e9}], ids=["it cannot help", "it is not needed"]
+)
+def test_nothing_is_advised_where(flat: FlightResult, other: dict[str, object]) -> None:
+    assert helps(flown().bundle, flat.uncertainty, 900)
+    assert helps(flown().bundle, replace(flat.uncertainty, **other), 900) == []
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize(
     "plan", [Plan(), Plan(relief=0.04, heights=(1.0, 1.4), cross=True, oblique_deg=30.0, gps_m=None)]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -11,6 +13,7 @@ import pytest
 from calibrary.arrays import FloatArray
 from calibrary.calibration import Intrinsics
 from calibrary.errors import InputError
+from calibrary.sfm import engine
 from calibrary.sfm.engine import FlightImage, Matches, match, read_keypoints, read_matches
 
 SIZE = (640, 480)
@@ -106,6 +109,27 @@ def test_an_image_with_few_large_features_is_searched_for_small_ones(tmp_path: P
     few, many = ((pixels[:, 0] < 320).sum() for pixels in found)
     assert few < 50
     assert many > 500
+
+
+@pytest.mark.parametrize(("max_side", "px"), [(1000, 16.0), (4000, 4.0), (8000, 4.0)])
+def test_matches_may_be_off_by_four_pixels_of_the_reduced_image(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, max_side: int, px: float
+) -> None:
+    options = SimpleNamespace(ransac=SimpleNamespace())
+    colmap = SimpleNamespace(
+        set_random_seed=int,
+        FeatureMatchingOptions=SimpleNamespace,
+        TwoViewGeometryOptions=lambda: options,
+        ImportedPairingOptions=SimpleNamespace,
+    )
+    monkeypatch.setitem(sys.modules, "pycolmap", colmap)
+    monkeypatch.setattr(engine, "_begin_database", lambda *_: None)
+    monkeypatch.setattr(engine, "_find_features", lambda *_: None)
+    start = Intrinsics(fx=3000.0, fy=3000.0, cx=2000.0, cy=1500.0, image_size=(4000, 3000))
+    engine._match(
+        lambda *_: None, engine.MatchedFlight(folder=tmp_path, images=()), [], [], start, max_side, 100
+    )
+    assert options.ransac.max_error == px
 
 
 def test_images_of_another_size_than_k_are_refused(tmp_path: Path) -> None:

@@ -394,7 +394,7 @@ def frames() -> Iterator[Pair]:
         a=a,
         b=camera(size=(2736, 1824)),
         alarm=False,
-        says="resampled",
+        says="5472×3648 became 2736×1824 and the focal length went with it, × 0.5: the frame was resampled",
         kind=Kind.RESIZE,
     )
     yield kind_of(

@@ -24,29 +24,8 @@ def kinds(a: Calibration, b: Calibration) -> set[Kind]:
     return {structural.kind for structural in causes_of(a, b)}
 
 
-@pytest.mark.parametrize(
-    "drift", [{}, {"fx": 3682.6, "fy": 3681.8}, {"cx": 2733.1}, {"cx": 2732.0, "cy": 1846.9}, {"fx": 3690.0}]
-)
-def test_a_camera_that_drifted_is_of_the_same_kind(drift: dict[str, float]) -> None:
-    assert kinds(camera(), changed(camera(), **drift)) == set()
-
-
-@pytest.mark.parametrize("box", [(0, 285, 5472, 3078), (816, 544, 3840, 2560)])
-def test_a_smaller_frame_with_the_same_focal_length_was_cropped(box: tuple[int, int, int, int]) -> None:
-    assert kinds(camera(), camera().cropped(box)) == {Kind.CROP}
-
-
 def test_a_later_frame_that_shows_more_of_the_sensor_is_a_crop_of_the_earlier() -> None:
     assert kinds(camera().cropped((0, 285, 5472, 3078)), camera()) == {Kind.CROP}
-
-
-@pytest.mark.parametrize("lens", [NoDistortion(), BrownConrady(k1=1e-7, k2=0, p1=0, p2=0, k3=0)])
-def test_a_lens_whose_distortion_is_gone_is_corrected_in_the_camera(
-    lens: NoDistortion | BrownConrady,
-) -> None:
-    corrected = changed(camera(distortion=lens), fx=3675.2, fy=3674.9)
-    assert kinds(camera(), corrected) == {Kind.DEWARP_ON}
-    assert kinds(corrected, camera()) == {Kind.DEWARP_OFF}
 
 
 def test_a_distortion_that_is_gone_while_k_stayed_was_lost_by_a_file() -> None:
@@ -59,14 +38,6 @@ def test_a_distortion_that_is_gone_while_k_stayed_was_lost_by_a_file() -> None:
 def test_half_a_pixel_one_way_only_is_no_convention() -> None:
     assert kinds(camera(), changed(camera(), cx=2731.0)) == set()
     assert kinds(camera(), changed(camera(), cx=2731.0, cy=1847.3)) == set()
-
-
-@pytest.mark.parametrize("focal35_mm", [24.0, 25.0])
-def test_a_35_mm_equivalent_taken_for_the_focal_length_is_recognised(focal35_mm: float) -> None:
-    leaked = focal35_mm / 8.8
-    assert kinds(camera(), changed(camera(), fx=3678.9 * leaked, fy=3678.1 * leaked)) == {
-        Kind.EQUIVALENT_LEAK
-    }
 
 
 def test_the_earlier_one_may_be_the_one_that_leaked() -> None:
@@ -120,14 +91,6 @@ def test_what_a_lens_bends_is_counted_in_pixels_across_and_down() -> None:
     assert structural.reason.startswith(f"a lens that bends the frame by {bend_px:.1f} px has ")
 
 
-def test_the_reason_holds_the_numbers() -> None:
-    (structural,) = causes_of(camera(), camera(size=(2736, 1824)))
-    assert (
-        structural.reason == "5472×3648 became 2736×1824 and the focal length went with it, × 0.5: "
-        "the frame was resampled"
-    )
-
-
 STD = {"fx": 0.4, "fy": 0.4, "cx": 0.3, "cy": 0.3, "k1": 2e-4, "k2": 6e-4, "p1": 8e-6, "p2": 8e-6, "k3": 6e-4}
 
 
@@ -168,7 +131,7 @@ def test_a_drift_of_any_direction_is_no_change_of_kind(seed: int, focal: float, 
     assert kinds(measured(camera(), seed), measured(moved, seed + 1000)) == set()
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(examples(2)))
 def test_a_corrected_lens_is_recognised_through_the_noise_of_its_calibration(seed: int) -> None:
     corrected = measured(camera(distortion=NoDistortion()), seed)
     assert kinds(measured(camera(), seed + 100), corrected) == {Kind.DEWARP_ON}

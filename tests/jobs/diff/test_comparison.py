@@ -184,32 +184,9 @@ def test_where_only_one_lens_projects_nothing_is_agreed() -> None:
     assert any("only one of the two projects" in warning for warning in comparison.warnings)
 
 
-def test_covariances_are_inflated_by_their_variance_factor() -> None:
-    comparison = compare(measured(camera(), kappa2=80.0), measured(with_focal(0.001), kappa2=80.0))
-    assert comparison.verdict is ChangeVerdict.UNRESOLVED
-    assert compare(measured(camera()), measured(with_focal(0.001))).verdict is ChangeVerdict.DRIFT
-
-
 def test_the_grades_spread_still_shows_a_wrong_sensor_width() -> None:
     design = replace(camera(), grade=Grade.DESIGN)
     assert compare(design, on(replace(with_focal(0.029), grade=Grade.DESIGN), "2026-01-01")).alarm
-
-
-def test_another_model_of_the_same_lens_is_compared_by_what_it_projects() -> None:
-    comparison = compare(camera(), camera(distortion=as_rational(camera())))
-    assert comparison.verdict is ChangeVerdict.IDENTICAL
-
-
-def test_an_unknown_distortion_leaves_k_to_be_compared() -> None:
-    numbers = numbers_of(camera(), camera(distortion=None))
-    assert not numbers.lens_compared
-    assert numbers.difference.max_px < 1e-9
-
-
-def test_a_resized_frame_is_a_change_of_kind_without_an_alarm() -> None:
-    comparison = between(camera(), camera(size=(2736, 1824)))
-    assert (comparison.verdict, comparison.alarm) == (ChangeVerdict.STRUCTURAL, False)
-    assert comparison.steps == ("A scaled 5472×3648 → 2736×1824",)
 
 
 def test_a_frame_on_its_side_is_named_though_nothing_can_be_subtracted() -> None:

@@ -12,6 +12,8 @@ from calibrary import parsers
 from calibrary.calibration import Calibration
 from calibrary.distortion import KannalaBrandt
 from calibrary.errors import ParseError, UnsupportedModelError
+from calibrary.parsers.content import Content
+from calibrary.parsers.formats.fisheye_adapter import sniff
 from tests.parsers.samples import Sample
 
 HEAD = "image:\n  width: 752\n  height: 480\nparameter:\n"
@@ -52,6 +54,11 @@ def test_the_unified_models(more: str, beta: float) -> None:
     below = 0.6 * np.sqrt(beta * (x * x + y * y) + z * z) + 0.4 * z
     item = read(f"{HEAD}{PINHOLE}  alpha: 0.6\n{more}", "UCM.yml")
     np.testing.assert_allclose(item.project(rays()), pixels(x / below, y / below), atol=1e-9)
+
+
+@pytest.mark.parametrize("text", [DS.replace("  cx:", "  px:"), DS.replace("parameter:", "parameters:")])
+def test_what_lacks_a_key_of_it_is_no_file_of_it(text: str) -> None:
+    assert sniff(Content(text.encode(), "DS.yml")) is None
 
 
 def test_kannala_and_brandt() -> None:
