@@ -86,11 +86,13 @@ class TestCheckerboard:
             run = (answer.lattice[:, -1] - answer.lattice[:, 0]).mean(axis=0)
             assert run[0] > abs(run[1])
 
+    @pytest.mark.thorough
     @pytest.mark.parametrize(("columns", "rows"), [(9, 5), (8, 5)])
     def test_a_part_of_a_larger_board_is_not_taken_for_the_board(self, columns: int, rows: int) -> None:
         for number in range(2):
             not_found(photograph(number=number)[0], f"checkerboard:{columns}x{rows}")
 
+    @pytest.mark.thorough
     @pytest.mark.parametrize(("columns", "rows"), [(10, 6), (9, 7)])
     def test_a_larger_board_is_not_found_in_a_smaller_one(self, columns: int, rows: int) -> None:
         for number in range(2):
@@ -155,6 +157,7 @@ class TestBoardsThatCannotBeLookedFor:
             detect(NOWHERE, Board(columns=2, rows=6, square_mm=40))
 
 
+@pytest.mark.thorough
 def test_a_board_at_the_edge_of_a_fisheyes_view_is_regular() -> None:
     fisheye = camera(fx=431.0, distortion=KannalaBrandt(k1=0.01, k2=-0.004, k3=0.0, k4=0.0))
     board, settings = parse_board("checkerboard:9x6", 40.0), Settings()

@@ -42,6 +42,7 @@ def _errors(seen: Observations, truth: Calibration) -> tuple[np.ndarray, np.ndar
     return apart.lengths_px, apart.std_px
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [10, 15, 64])
 def test_a_lens_outside_brown_stays_within_3_sigma_in_the_corners_too(seed: int) -> None:
     error, std = _errors(shoot(OUTSIDE_BROWN, TWENTY, seed), OUTSIDE_BROWN)
@@ -49,6 +50,7 @@ def test_a_lens_outside_brown_stays_within_3_sigma_in_the_corners_too(seed: int)
     assert np.nanmax(error / np.hypot(std, 0.01)) < 3
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [1, 9])
 def test_a_strong_rational_lens_is_uncertain_where_no_corner_was_seen(seed: int) -> None:
     error, std = _errors(shoot(STRONG, TWENTY, seed), STRONG)

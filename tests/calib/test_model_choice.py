@@ -54,6 +54,7 @@ def test_what_the_rational_lens_gains_counts_less_by_how_far_the_views_contradic
     assert found[1][1].refused == "gains less than the views contradict one another: variance factor 3.0"
 
 
+@pytest.mark.thorough
 def test_a_rational_lens_is_not_chosen_for_what_a_rolling_shutter_did() -> None:
     fisheye = camera(fx=1000.0, fy=1000.0, distortion=KannalaBrandt(k1=0.02, k2=-0.01, k3=0.001, k4=0.0))
     shutter = Shutter(readout_s=0.02, rate_deg_s=(3.0, -2.0, 1.0))

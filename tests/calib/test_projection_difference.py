@@ -82,6 +82,7 @@ def test_weights_say_where_the_cameras_are_laid_together() -> None:
     assert weighted.lengths_px[6, 8] > middle.lengths_px[6, 8]
 
 
+@pytest.mark.thorough
 def test_noise_alone_alarms_no_more_often_than_it_says() -> None:
     chances = []
     for seed in range(5):

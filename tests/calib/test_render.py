@@ -24,6 +24,7 @@ from calibrary.calib.synthesis.rendering import _way, lamp
 from calibrary.calibration import Calibration
 from calibrary.distortion import KannalaBrandt, NoDistortion
 from calibrary.errors import InputError
+from tests.thorough import every
 
 from .staging import BOARD, BROWN, camera, truth
 
@@ -59,6 +60,7 @@ def test_corners_are_found_where_the_truth_says_and_as_well_as_in_real_frames() 
     assert 0.015 < off.std() < 0.04
 
 
+@pytest.mark.thorough
 def test_hard_frames_are_noisier_but_not_biased() -> None:
     off = errors(truth(camera(), Settings(blur_px=1.5, noise=5.0, quality=75), count=4))
     assert np.abs(off.mean(axis=0)).max() < 0.02
@@ -237,7 +239,7 @@ def test_vignetting_darkens_the_corner_by_its_share() -> None:
     assert frame[0, 0] / frame[240, 320] == pytest.approx(0.6, abs=0.005)
 
 
-@pytest.mark.parametrize("name", ["charuco:8x6", "aprilgrid:5x4", "circles:9x7"])
+@pytest.mark.parametrize("name", every(2, ["charuco:8x6", "aprilgrid:5x4", "circles:9x7"]))
 def test_other_boards_are_seen_by_opencv_where_they_are(name: str) -> None:
     board = parse_board(name, 40.0)
     scene = camera((1600, 1200), 1300.0, BROWN)

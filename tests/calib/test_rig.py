@@ -85,6 +85,7 @@ def test_places_are_found_and_their_sigma_covers_the_truth(bow_mm: float) -> Non
     assert 0.3 < float(np.sqrt(np.mean(np.square(z)))) < 1.6
 
 
+@pytest.mark.thorough
 def test_three_cameras_of_different_noise_are_weighed_by_it() -> None:
     truth = true_rig(4, cameras=3, step_mm=60.0)
     result = estimate_rig(seen_by(truth, 4, sigma=(0.05, 0.05, 0.4)))
@@ -142,6 +143,7 @@ def test_a_frame_that_one_camera_alone_saw_serves_its_lens() -> None:
     assert result.evidence.shared["cam1"] == len(fewer.views)
 
 
+@pytest.mark.thorough
 def test_a_shot_in_which_something_moved_is_taken_apart() -> None:
     truth = true_rig(7)
 
@@ -157,6 +159,7 @@ def test_a_shot_in_which_something_moved_is_taken_apart() -> None:
     assert "shots-apart" in rules(result)
 
 
+@pytest.mark.thorough
 def test_a_camera_that_moved_in_the_rig_is_named_with_the_shot() -> None:
     truth = true_rig(8)
 
@@ -170,6 +173,7 @@ def test_a_camera_that_moved_in_the_rig_is_named_with_the_shot() -> None:
     assert result.verdict is BoardVerdict.REFUSE
 
 
+@pytest.mark.thorough
 def test_cameras_that_did_not_fire_together_are_named() -> None:
     truth, random = true_rig(9), np.random.default_rng(9)
     hand = [(random.normal(0, 0.25, 3), random.normal(0, 3.0, 3)) for _ in truth.shots]
@@ -183,6 +187,7 @@ def test_cameras_that_did_not_fire_together_are_named() -> None:
     assert not result.evidence.troubles
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("order", "rule"), [("shifted", "shifted-pairing"), ("reversed", "reversed-pairing")]
 )
@@ -218,6 +223,7 @@ def test_a_camera_whose_images_are_mirrored_is_named() -> None:
     assert "mirrored-camera" in rules(estimate_rig(mirrored))
 
 
+@pytest.mark.thorough
 def test_exchanged_frames_of_single_shots_are_named() -> None:
     truth = true_rig(12)
     truth = replace(truth, calibrations=(truth.calibrations[0],) * 2)

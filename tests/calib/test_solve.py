@@ -126,6 +126,7 @@ def test_bad_corners_are_set_aside_one_by_one_and_a_dragged_view_whole() -> None
     assert seen_by_view.sum() == 15 * 88 - 4
 
 
+@pytest.mark.thorough
 def test_the_seed_rescues_a_start_that_ended_in_a_wrong_minimum() -> None:
     for number in range(8):
         seen = shoot(how=Session(tilt_deg=8.0, views=12), seed=300 + number)

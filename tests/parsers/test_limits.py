@@ -123,6 +123,7 @@ def many(record: str, count: int) -> bytes:
     return json.dumps({"frames": frames}).encode()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("record", "count"), [("colmap_binary", 20_001), ("colmap_text", 20_001), ("transforms_json", 10_001)]
 )
@@ -176,6 +177,7 @@ print(peak_mib() - before)
 """
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="only Linux tells a process's peak")
 def test_the_densest_xml_that_is_read_takes_less_than_512_mib() -> None:
     done = subprocess.run([sys.executable, "-c", DENSEST], capture_output=True, text=True, check=False)

@@ -39,7 +39,7 @@ def lines_of(data: bytes) -> list[str]:
     return data.decode().removeprefix(LEGEND).splitlines()
 
 
-@settings(max_examples=examples(20, 1200))
+@settings(max_examples=examples(8, 1200))
 @given(entries(), entries(), st.randoms(use_true_random=False))
 def test_what_is_read_is_what_was_asked_for_and_every_comment_is_there_or_its_loss_is_said(
     before: Entry, after: Entry, chance: random.Random
@@ -58,7 +58,7 @@ def test_what_is_read_is_what_was_asked_for_and_every_comment_is_there_or_its_lo
     assert entry_yaml(after, [data]) == data
 
 
-@settings(max_examples=examples(10, 600))
+@settings(max_examples=examples(5, 600))
 @given(entries(), st.randoms(use_true_random=False))
 def test_fields_stay_in_the_order_that_a_person_gave_them(entry: Entry, chance: random.Random) -> None:
     text = entry_yaml(entry).decode().removeprefix(LEGEND).replace("\n ", "\0 ")

@@ -18,14 +18,14 @@ def changed(before: Entry | None, after: Entry) -> dict[str, FieldChange]:
     return {change.name: change for change in differences(before, after)}
 
 
-@settings(max_examples=examples(12))
+@settings(max_examples=examples(4, 240))
 @given(entries())
 def test_an_entry_differs_in_nothing_from_itself_and_in_everything_from_none(entry: Entry) -> None:
     assert differences(entry, entry) == ()
     assert [change.name for change in differences(None, entry)] == [*entry_fields(entry)]
 
 
-@settings(max_examples=examples(12))
+@settings(max_examples=examples(4, 240))
 @given(entries(), entries())
 def test_the_changes_lead_from_one_entry_to_the_other(one: Entry, other: Entry) -> None:
     fields = entry_fields(one)

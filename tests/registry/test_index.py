@@ -127,6 +127,7 @@ def test_fields_that_are_kept_are_the_fields(entry: Entry) -> None:
     assert [type(value) for value in again.values()] == [type(value) for value in row.values()]
 
 
+@pytest.mark.thorough
 @settings(max_examples=examples(12))
 @given(entry=entries())
 def test_an_entry_that_is_kept_is_the_entry(entry: Entry) -> None:
@@ -245,6 +246,7 @@ for _ in range(40):
 """
 
 
+@pytest.mark.thorough
 def test_processes_that_read_while_another_writes_are_told_no_mixture(
     repo: Repository, tmp_path: Path
 ) -> None:
@@ -258,6 +260,7 @@ def test_processes_that_read_while_another_writes_are_told_no_mixture(
     ] * 3
 
 
+@pytest.mark.thorough
 def test_a_check_finds_what_it_finds_without_anything_kept_whatever_became_of_that(repo: Repository) -> None:
     """Two units of one label, in models of which the first is kept and the second is changed or damaged."""
     label = partial(replace, label="P4R-03")
@@ -281,6 +284,7 @@ def test_a_check_finds_what_it_finds_without_anything_kept_whatever_became_of_th
     assert found() == after
 
 
+@pytest.mark.thorough
 def test_what_checks_found_of_former_contents_is_not_kept_for_ever(repo: Repository) -> None:
     for number in range(12):
         put(repo.path, an_entry(model="Plain", notes=(f"note {number}",)))

@@ -24,6 +24,7 @@ from calibrary.sfm.priors import Known, Priors, anchored
 from calibrary.sfm.sigma import FOCAL_BY_PX, covariance, flight_geometry, halves
 from calibrary.sfm.tracks import Scene, Tracks, aligned, thinned
 from tests.sfm.flights import CAMERA, PLANS, Plan, fly
+from tests.thorough import every
 
 SMALL = Plan(relief=0.05, heights=(1.0, 1.4), cross=True, rows=2, columns=4, points=250, outliers=0.0)
 TRUTH = Solvable.BROWN.values(CAMERA.intrinsics, CAMERA.distortion)
@@ -120,6 +121,7 @@ def test_sigma_does_not_depend_on_where_the_world_is() -> None:
     np.testing.assert_allclose(np.diag(covariance(again)), np.diag(covariance(free)), rtol=1e-3)
 
 
+@pytest.mark.thorough
 def test_the_search_ends_at_the_minimum_of_a_long_valley() -> None:
     """Flat ground from one height: it once ended at its limit of steps, 3 % of fx before the minimum."""
     bundle = adjusted("flat, cross strips", 15).bundle
@@ -131,7 +133,7 @@ def test_the_search_ends_at_the_minimum_of_a_long_valley() -> None:
 # The camera
 
 
-@pytest.mark.parametrize("name", ["two heights, flat, RTK", "oblique, relief, no GPS"])
+@pytest.mark.parametrize("name", every(2, ["two heights, flat, RTK", "oblique, relief, no GPS"]))
 def test_a_good_flight_finds_the_camera_within_what_it_states(name: str) -> None:
     result = judged(name).result
     quality = result.calibration.quality
@@ -154,11 +156,14 @@ def test_a_flight_at_two_heights_with_good_positions_passes() -> None:
 
 @pytest.mark.parametrize(
     ("part", "fault", "said"),
-    [
-        ("shift_of_term", None, "next radial term"),
-        ("held_in_the_middle", np.linalg.LinAlgError(), "principal point in the middle"),
-        ("_nuisances_found", CalibrationError("singular"), "shifts the images"),
-    ],
+    every(
+        3,
+        [
+            ("shift_of_term", None, "next radial term"),
+            ("held_in_the_middle", np.linalg.LinAlgError(), "principal point in the middle"),
+            ("_nuisances_found", CalibrationError("singular"), "shifts the images"),
+        ],
+    ),
 )
 def test_what_sigma_lacks_is_told_and_the_camera_is_not_kept_fixed(
     part: str, fault: Exception | None, said: str, monkeypatch: pytest.MonkeyPatch
@@ -217,6 +222,7 @@ def test_a_lens_that_no_model_has_keeps_the_simpler_one_and_its_focal_length() -
     assert judged.result.calibration.intrinsics.fx == pytest.approx(1123.5, abs=3 * quality.std["fx"])
 
 
+@pytest.mark.thorough
 def test_outliers_do_not_count() -> None:
     plan = PLANS["oblique, noise 0.8, 8 % out"]
     found = adjusted("oblique, noise 0.8, 8 % out")
@@ -225,7 +231,7 @@ def test_outliers_do_not_count() -> None:
     assert found.bundle.rms_px == pytest.approx(plan.noise_px * np.sqrt(2), rel=0.1)
 
 
-@pytest.mark.parametrize("name", ["flat, one height", "flat, cross strips"])
+@pytest.mark.parametrize("name", every(2, ["flat, one height", "flat, cross strips"]))
 def test_a_flat_flight_at_one_height_never_passes_and_says_what_to_fly(name: str) -> None:
     found = judged(name)
     assert found.result.verdict is not BoardVerdict.PASS
@@ -238,6 +244,7 @@ def test_a_flat_flight_at_one_height_never_passes_and_says_what_to_fly(name: str
     assert "30°" in weak.remedy
 
 
+@pytest.mark.thorough
 def test_what_to_fly_is_what_the_flight_lacks() -> None:
     found = judged("oblique, noise 0.8, 8 % out")
     assert found.uncertainty.geometry.tilt_deg > 20

@@ -40,6 +40,7 @@ def flat() -> FlightResult:
     return flight_result(flown(), left_out=24)
 
 
+@pytest.mark.thorough
 def test_surveyed_points_help_by_what_they_are_said_to(flat: FlightResult) -> None:
     tracks, scene = fly(RTK, SEED)
     given = replace(survey(RTK, SEED, datum=(0.0, 0.0, 0.0), wrong=0.0), offset_std_m=0.05)

@@ -93,6 +93,7 @@ def test_a_feature_in_a_reduced_image_lies_where_it_is_in_the_full_one(tmp_path:
     assert max(nearest) < 0.25
 
 
+@pytest.mark.thorough
 def test_an_image_with_few_large_features_is_searched_for_small_ones(tmp_path: Path) -> None:
     """Fine grain in the left half of one image alone: features that only the doubled image has."""
     grain = np.random.default_rng(4).normal(0, 40, (480, 320))

@@ -54,6 +54,7 @@ def matched(folder: Path, camera: Calibration) -> MatchedFlight:
     return found
 
 
+@pytest.mark.thorough
 def test_a_fisheye_over_flat_ground_is_reconstructed_whole(tmp_path: Path) -> None:
     """A perspective lens takes a few of its images for a flight of 1 % of the focal length."""
     tracks, scene = reconstruct(matched(tmp_path, FISHEYE), start=START)

@@ -108,6 +108,7 @@ def test_a_mechanical_shutter_has_no_readout_to_find() -> None:
     assert [one.name for one in found.uncertainty.nuisances if one.name.startswith("travel")] == []
 
 
+@pytest.mark.thorough
 def test_positions_of_metres_say_nothing_of_levers_and_heights() -> None:
     found = flown(METRES)
     assert [one.name for one in found.uncertainty.nuisances] == ["travel during the readout"]
@@ -127,6 +128,7 @@ def test_a_lens_that_departs_from_every_model_widens_sigma() -> None:
     assert std[1] > 2 * std[0]
 
 
+@pytest.mark.thorough
 def test_a_principal_point_that_wanders_from_image_to_image_widens_sigma() -> None:
     tracks, scene = fly(OBLIQUE, 1)
     wander = np.random.default_rng(1).normal(0, 3.0, (len(tracks.names), 2))
@@ -293,6 +295,7 @@ def test_without_an_image_nothing_is_known_of_a_readout(tmp_path: Path) -> None:
     assert readout_of(tmp_path / "a.jpg") == readout_of(None) == READOUT_S
 
 
+@pytest.mark.thorough
 def test_a_shutter_that_is_known_leaves_less_to_find() -> None:
     tracks, start = fly(TWO_HEIGHTS, 1)
     known = flight_result(adjust(tracks, start, readout_s=(0.0, 0.0)))

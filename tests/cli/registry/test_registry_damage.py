@@ -25,6 +25,7 @@ from tests.cli.registry.fleets import P4R, run, xml
 from tests.jobs.extract.fleet import picture
 from tests.registry.entries import an_entry
 from tests.registry.git.repositories import git
+from tests.thorough import every
 
 ENTRY = an_entry(focal_mm=None)
 LOOSE_FX = "9661.25"
@@ -196,7 +197,7 @@ def refused(capsys: pytest.CaptureFixture[str], command: tuple[str, ...], expect
     assert "approved" not in said.out, command
 
 
-@pytest.mark.parametrize("damage", DAMAGE)
+@pytest.mark.parametrize("damage", every(4, DAMAGE))
 def test_no_command_takes_a_damaged_registry_for_another(
     broken: Path, damage: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -206,7 +207,7 @@ def test_no_command_takes_a_damaged_registry_for_another(
         refused(capsys, command, expected)
 
 
-@pytest.mark.parametrize("damage", INSIDE)
+@pytest.mark.parametrize("damage", every(2, INSIDE))
 def test_no_command_that_reads_an_entry_answers_with_another_or_with_none(
     broken: Path, damage: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

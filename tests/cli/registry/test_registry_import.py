@@ -26,6 +26,7 @@ from tests.registry.git.repositories import git
 
 
 class TestCatalogue:
+    @pytest.mark.thorough
     def test_every_camera_whose_k_can_be_derived_becomes_a_draft(
         self, fleet: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
@@ -41,6 +42,7 @@ class TestCatalogue:
         assert f"{len(entries)} new" in out
         assert run(capsys, "check")[0] == 0
 
+    @pytest.mark.thorough
     def test_a_second_time_changes_nothing(self, fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
         run(capsys, "add", "catalogue", "--yes")
         commit = commit_of(fleet)
@@ -56,6 +58,7 @@ class TestCatalogue:
         assert held(fleet).entry.calibration.intrinsics.fx == 3661.25
         assert f"{P4R}: there is already an entry of grade calibrated, calibration-file" in out
 
+    @pytest.mark.thorough
     def test_a_draft_of_an_older_catalogue_follows_and_an_approved_one_does_not(
         self, fleet: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:

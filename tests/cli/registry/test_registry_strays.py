@@ -16,6 +16,7 @@ from tests.cli.registry.fleets import P4R, printed, run
 from tests.jobs.extract.fleet import picture
 from tests.registry.entries import an_entry
 from tests.registry.git.repositories import git, seclude
+from tests.thorough import every
 
 USED = (
     an_entry(focal_mm=None),
@@ -79,7 +80,7 @@ def said_of(
     return found
 
 
-@pytest.mark.parametrize("junk", JUNK)
+@pytest.mark.parametrize("junk", every(4, JUNK))
 def test_what_is_no_entry_changes_no_answer_and_is_named(
     junk: str,
     clean: Path,

@@ -342,6 +342,7 @@ def test_what_a_rewritten_remote_lost_does_not_come_back_unasked(
     assert commit_of(rewritten) == before
 
 
+@pytest.mark.thorough
 def test_it_is_given_up_or_made_again_as_one_says(
     fleet: Path, rewritten: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -351,6 +352,7 @@ def test_it_is_given_up_or_made_again_as_one_says(
     assert "A wrong K" not in git(rewritten, "log", "--format=%s")
 
 
+@pytest.mark.thorough
 def test_kept_commits_stay_on_top_of_a_rewritten_remote(
     rewritten: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -495,6 +497,7 @@ class TestStatements:
         assert (code, "not listed" in out + err) == (0, False)
         assert fx_of(twin) == MINE.calibration.intrinsics.fx
 
+    @pytest.mark.thorough
     def test_and_after_it_was_given_up_with_the_remote(
         self, two: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
     ) -> None:
@@ -506,6 +509,7 @@ class TestStatements:
         assert run(capsys, "sync", "--removed", "drop", "--registry", twin)[0] == 0
         assert fx_of(twin) == MINE.calibration.intrinsics.fx
 
+    @pytest.mark.thorough
     def test_an_own_approval_after_one_that_is_given_up_is_not_left_alone(
         self, two: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
     ) -> None:

@@ -190,6 +190,7 @@ def test_what_hangs_is_given_up_and_what_was_read_is_kept(
     assert sum(one.count for one in done) == 121
 
 
+@pytest.mark.thorough
 def test_the_report_is_that_of_one_process_byte_for_byte(
     client: Any, flight: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

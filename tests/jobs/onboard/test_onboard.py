@@ -489,6 +489,7 @@ def test_an_empty_folder_and_a_missing_registry_have_their_codes(
     assert onboard(capsys, payload, "--yes", "--registry", str(tmp_path / "nowhere"))[0] == 4
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("drawn")
 def test_the_page_lies_beside_under_the_cameras_name(
     fleet: Path, payload: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

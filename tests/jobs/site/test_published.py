@@ -42,6 +42,7 @@ def test_both_orders_end_alike(out: Path, registry: Path, tmp_path: Path) -> Non
     assert files_of(other) == files_of(out)
 
 
+@pytest.mark.thorough
 def test_what_is_neither_is_still_refused(out: Path, registry: Path) -> None:
     (out / "letter.txt").write_text("dear")
     with pytest.raises(InputError, match=r"letter\.txt"):

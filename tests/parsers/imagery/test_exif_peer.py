@@ -86,7 +86,7 @@ def same(one: object, other: object) -> bool:
 
 
 @given(field=fields(), order=st.sampled_from(ByteOrder), in_ifd0=st.booleans())
-@settings(max_examples=examples(100))
+@settings(max_examples=examples(20, 2000))
 def test_a_field_of_any_type_has_the_value_that_exifread_reads(
     field: Field, order: ByteOrder, in_ifd0: bool
 ) -> None:

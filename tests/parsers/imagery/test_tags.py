@@ -147,7 +147,7 @@ def test_a_limit_that_is_reached_within_a_maker_note_is_not_ignored(
 
 
 @given(block=st.binary(max_size=300), cut=st.integers(0, 600))
-@settings(max_examples=examples(100), suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=examples(25, 2000), suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_any_bytes_give_tags_or_one_line(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, block: bytes, cut: int
 ) -> None:

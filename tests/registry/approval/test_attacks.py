@@ -347,6 +347,7 @@ def test_readers_answer_with_what_is_properly_approved(
     assert found == {reader: None if reader in dated else right for reader in said}
 
 
+@pytest.mark.thorough
 def test_none_of_it_passes_the_check(
     template: Desk, tmp_path: Path, stories: list[tuple[str, Entry]]
 ) -> None:

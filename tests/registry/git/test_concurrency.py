@@ -126,6 +126,7 @@ def run(code: str, *arguments: object) -> None:
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.thorough
 def test_eight_processes_that_add_twenty_entries_each_lose_none(bare: Repository) -> None:
     run(ADD, bare.path, 8, 20)
     tip = bare.tip()
@@ -138,6 +139,7 @@ def test_eight_processes_that_add_twenty_entries_each_lose_none(bare: Repository
     assert git(bare.path, "rev-list", "--count", "main") == "161"
 
 
+@pytest.mark.thorough
 def test_processes_that_count_up_one_entry_never_overwrite_each_other(bare: Repository) -> None:
     put(bare, {ENTRY: b"0\n"})
     run(COUNT, bare.path, ENTRY, 4, 12)
@@ -145,6 +147,7 @@ def test_processes_that_count_up_one_entry_never_overwrite_each_other(bare: Repo
     assert git(bare.path, "rev-list", "--count", "main") == "50"
 
 
+@pytest.mark.thorough
 def test_writers_killed_many_times_lose_nothing_they_acknowledged(bare: Repository, tmp_path: Path) -> None:
     printed = tmp_path / "acknowledged"
     run(KILL, bare.path, printed, examples(60, 200), 4)

@@ -31,6 +31,7 @@ from tests.registry.published.publications import (
     nobodys_git,
     published,
 )
+from tests.thorough import every
 
 __all__ = ["nobodys_git"]
 
@@ -170,7 +171,7 @@ CHANGES: dict[str, tuple[Callable[[Path], object], set[str] | None]] = {
 }
 
 
-@pytest.mark.parametrize("change", CHANGES)
+@pytest.mark.parametrize("change", every(3, CHANGES))
 def test_only_what_differs_is_read_and_the_files_are_the_same(place: Place, change: str) -> None:
     make, read = CHANGES[change]
     make(place.fleet)
@@ -181,6 +182,7 @@ def test_only_what_differs_is_read_and_the_files_are_the_same(place: Place, chan
     assert set(place.publish()) >= {P4R.path, NAMED.path}
 
 
+@pytest.mark.thorough
 def test_many_changes_at_once_and_one_after_the_other_give_the_same(place: Place) -> None:
     for number, (make, _) in enumerate(CHANGES.values()):
         make(place.fleet)
