@@ -13,9 +13,8 @@ from functools import lru_cache, partial
 from typing import Final, TypeAlias
 
 import msgspec
-import numpy as np
 
-from calibrary.arrays import FloatArray
+from calibrary.arrays import FloatArray, np
 from calibrary.calibration import Calibration, CameraKey, ImageSize, Intrinsics, Provenance
 from calibrary.distortion import Distortion, NoDistortion, SplinedStereographic, exact
 from calibrary.distortion.base import perspective

@@ -10,11 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import overload
 
-import numpy as np
 from msgspec import Struct
-from numpy.typing import ArrayLike, NDArray
 
-from calibrary.arrays import BoolArray, FloatArray
+from calibrary.arrays import ArrayLike, BoolArray, FloatArray, NDArray, np
 from calibrary.calibration import Calibration
 
 REACH = 1e6

@@ -7,9 +7,7 @@ import math
 import re
 from collections.abc import Sequence
 
-import numpy as np
-
-from calibrary.arrays import FloatArray
+from calibrary.arrays import FloatArray, np
 from calibrary.calibration import ImageSize
 from calibrary.errors import ParseError
 

@@ -10,8 +10,7 @@ import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-import numpy as np
-
+from calibrary.arrays import np
 from calibrary.calibration import Calibration, CameraKey, ImageSize, Quality
 from calibrary.errors import InputError, UnsupportedModelError, UsageError
 from calibrary.parsers.content import Content

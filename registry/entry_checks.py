@@ -13,10 +13,9 @@ from itertools import combinations, groupby
 from types import MappingProxyType
 from typing import Final
 
-import numpy as np
 from msgspec import Struct
 
-from calibrary.arrays import FloatArray
+from calibrary.arrays import FloatArray, np
 from calibrary.calibration import CameraKey
 from calibrary.catalogue import as_written
 from calibrary.errors import InputError, RegistryError

@@ -9,10 +9,7 @@ from functools import partial
 from itertools import chain
 from typing import Final, NamedTuple, TypeVar, cast, overload
 
-import numpy as np
-from numpy.typing import ArrayLike
-
-from calibrary.arrays import BoolArray
+from calibrary.arrays import ArrayLike, BoolArray, np
 from calibrary.calibration import Calibration, Grade, ImageSize, Intrinsics, Origin
 from calibrary.distortion import Distortion, FieldOfView, NoDistortion
 from calibrary.errors import InputError, ParseError, UnsupportedModelError

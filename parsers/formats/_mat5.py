@@ -13,9 +13,9 @@ import struct
 import zlib
 from collections.abc import Iterator
 
-import numpy as np
 from msgspec import Struct
 
+from calibrary.arrays import np
 from calibrary.errors import ParseError
 from calibrary.parsers.document import accounted
 from calibrary.parsers.formats._mcos import Objects

@@ -9,9 +9,7 @@ import math
 import re
 import struct
 
-import numpy as np
-from numpy.typing import NDArray
-
+from calibrary.arrays import NDArray, np
 from calibrary.errors import ParseError
 
 MAGIC = b"\x93NUMPY"

@@ -9,9 +9,7 @@ from __future__ import annotations
 import io
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
+from calibrary.arrays import NDArray, np
 from calibrary.errors import ParseError
 from calibrary.parsers.imagery.directory import Tiff
 from calibrary.parsers.imagery.source import Block, Source

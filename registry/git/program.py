@@ -20,18 +20,29 @@ import subprocess
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, cast
+from typing import Final, cast
 from urllib.parse import urlsplit
 
 from msgspec import Struct
 
 from calibrary.errors import RegistryError
 
-if TYPE_CHECKING:
-    from git import Git
-
-
 OLDEST_GIT = (2, 24)
+READING: Final = frozenset(
+    {
+        "cat-file",
+        "config",
+        "diff-index",
+        "for-each-ref",
+        "log",
+        "ls-tree",
+        "merge-base",
+        "rev-list",
+        "rev-parse",
+        "status",
+    }
+)
+"""Commands that every reader waits for; the others, which change a repository or talk to another, go by GitPython."""
 
 
 class Output(Struct, frozen=True):
@@ -55,8 +66,7 @@ def run_git(
     Raises:
         RegistryError: git is not installed or too old, or took longer than ``timeout_s``.
     """
-    git = git_in(folder)
-    process = started(git, arguments, environment)
+    process = started(folder, arguments, environment)
     try:
         out, errors = process.communicate(stdin if stdin is not None else b"", timeout=timeout_s)
     except subprocess.TimeoutExpired:
@@ -68,41 +78,54 @@ def run_git(
     return Output(process.returncode, out, errors.decode("utf-8", "replace"))
 
 
-def started(git: Git, arguments: Sequence[str], environment: Mapping[str, str]) -> subprocess.Popen[bytes]:
-    """Start a git process; the caller holds its pipes."""
-    command = [git.GIT_PYTHON_GIT_EXECUTABLE, *arguments]
-    process = git.execute(command, istream=subprocess.PIPE, as_process=True, env=environment)
-    return cast("subprocess.Popen[bytes]", process)
-
-
-def git_in(folder: Path) -> Git:
-    """Return GitPython's git for a folder.
+def started(
+    folder: Path, arguments: Sequence[str], environment: Mapping[str, str]
+) -> subprocess.Popen[bytes]:
+    """Start git in a folder; the caller holds its pipes.
 
     Raises:
         RegistryError: git is not installed or too old.
     """
-    if shutil.which(os.environ.get("GIT_PYTHON_GIT_EXECUTABLE", "git")) is None:
-        raise RegistryError(
-            "git is not installed, and a registry needs it: https://git-scm.com/downloads; --registry folder:PATH "
-            "reads the files of a clone without git"
+    executable = _executable()
+    if READING & set(arguments):
+        # Importing GitPython takes longer than most of these commands.
+        return subprocess.Popen(  # noqa: S603  git as the user has it, with arguments of ours
+            [executable, *arguments],
+            cwd=folder,
+            env={**os.environ, "LANGUAGE": "C", "LC_ALL": "C", **environment},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
         )
     from git import Git
 
-    git = Git(folder)
-    version = _version(git.GIT_PYTHON_GIT_EXECUTABLE)
-    if version < OLDEST_GIT:
-        found, oldest = (".".join(map(str, numbers)) for numbers in (version, OLDEST_GIT))
-        raise RegistryError(f"found git {found}, expected {oldest} or newer")
-    return git
+    process = Git(folder).execute(
+        [executable, *arguments], istream=subprocess.PIPE, as_process=True, env=environment
+    )
+    return cast("subprocess.Popen[bytes]", process)
 
 
-def git_version(folder: Path) -> tuple[int, ...]:
+def git_version() -> tuple[int, ...]:
     """Return the version of git as two numbers.
 
     Raises:
         RegistryError: git is not installed or too old.
     """
-    return _version(git_in(folder).GIT_PYTHON_GIT_EXECUTABLE)
+    return _version(_executable())
+
+
+def _executable() -> str:
+    executable = os.environ.get("GIT_PYTHON_GIT_EXECUTABLE", "git")
+    if shutil.which(executable) is None:
+        raise RegistryError(
+            "git is not installed, and a registry needs it: https://git-scm.com/downloads; --registry folder:PATH "
+            "reads the files of a clone without git"
+        )
+    version = _version(executable)
+    if version < OLDEST_GIT:
+        found, oldest = (".".join(map(str, numbers)) for numbers in (version, OLDEST_GIT))
+        raise RegistryError(f"found git {found}, expected {oldest} or newer")
+    return executable
 
 
 @lru_cache(maxsize=4)

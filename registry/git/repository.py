@@ -1,6 +1,6 @@
 """A git repository: isolated commands, and verified reading of objects.
 
-GitPython is used only to start git and communicate with it. Its index and its shared ``Repo`` are not used: the
+GitPython is used only to start git where it changes something. Its index and its shared ``Repo`` are not used: the
 documented ``index.add`` + ``index.commit`` loses entries if two processes write, and a ``Repo`` used by two threads,
 or on both sides of a fork, returns the content of other files. So every thread of every process has its own ``git
 cat-file``, and the hash of every object is verified.
@@ -45,7 +45,6 @@ from calibrary.registry.git.program import (
     Setting,
     check_branch,
     check_path,
-    git_in,
     git_version,
     judge_settings,
     parse_settings,
@@ -435,9 +434,8 @@ class Repository:
     def _reader(self) -> ObjectReader:
         reader: ObjectReader | None = getattr(self._own, "reader", None)
         if reader is None or reader.pid != os.getpid():
-            git = git_in(self.path)
             command = (*self.flags, "cat-file", "--batch")
-            reader = self._own.reader = ObjectReader(started(git, command, self.environment))
+            reader = self._own.reader = ObjectReader(started(self.path, command, self.environment))
         return reader
 
     def _swapped(self, oid: str) -> RegistryError:
@@ -539,7 +537,7 @@ def create(
         raise RegistryError(f"{path}: cannot be created: {error.strerror}") from None
     path = path.resolve()
     place = path if bare else path / ".git"
-    version = git_version(path)
+    version = git_version()
     formats = [f"--{name}-format={kind}" for name, kind, since in FORMATS if version >= since]
     # Set the variables explicitly, since those of an enclosing hook would override the folder.
     where = ISOLATED | {"GIT_DIR": str(place), "GIT_OBJECT_DIRECTORY": str(place / "objects")}

@@ -10,8 +10,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
-import numpy as np
-
+from calibrary.arrays import np
 from calibrary.calibration import Calibration, Intrinsics
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion
 from calibrary.distortion.omnidirectional import Omnidirectional

@@ -20,11 +20,8 @@ from enum import StrEnum
 from functools import lru_cache
 from typing import Annotated, Any, ClassVar, TypeAlias
 
-import numpy as np
-from numpy.typing import ArrayLike
-
 from calibrary import kernel
-from calibrary.arrays import FloatArray
+from calibrary.arrays import ArrayLike, FloatArray, np
 from calibrary.distortion import AnyDistortion, NoDistortion
 from calibrary.distortion.base import as_rows, blocks, perspective, unit_rays
 from calibrary.errors import FrameError, InputError, UnsupportedModelError
@@ -101,7 +98,7 @@ class Calibration(Record):
     def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
         """Add K as a matrix, and write extras as a map."""
         document["extras"] = dict(self.extras)
-        return _behind("intrinsics", {"K": self.intrinsics.matrix.tolist()}, document)
+        return _behind("intrinsics", {"K": self.intrinsics.rows}, document)
 
     @classmethod
     def _unwire(cls, document: dict[str, Json]) -> dict[str, Json]:
@@ -453,7 +450,12 @@ class Intrinsics(Record, tag_field="pixel_origin", tag="corner"):
     @property
     def matrix(self) -> FloatArray:
         """K, (3, 3) float64, in the canonical pixel origin."""
-        return np.array([[self.fx, self.skew, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+        return np.array(self.rows)
+
+    @property
+    def rows(self) -> list[list[float]]:
+        """K as three rows of numbers."""
+        return [[self.fx, self.skew, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]]
 
     @classmethod
     def from_matrix(cls, matrix: ArrayLike, image_size: ImageSize) -> Intrinsics:

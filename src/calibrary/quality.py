@@ -7,10 +7,7 @@ from collections.abc import Iterator, Mapping
 from itertools import accumulate
 from typing import Annotated
 
-import numpy as np
-from numpy.typing import ArrayLike
-
-from calibrary.arrays import FloatArray
+from calibrary.arrays import ArrayLike, FloatArray, np
 from calibrary.errors import InputError
 from calibrary.records import Meta, Record, force_setattr, replace, require_declared
 

@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, TypeAlias
 
-import numpy as np
-
-from calibrary.arrays import FloatArray
+from calibrary.arrays import FloatArray, np
 from calibrary.calibration import Calibration
 from calibrary.errors import InputError
 from calibrary.records import Meta, Record, require_declared

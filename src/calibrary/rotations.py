@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from calibrary.arrays import FloatArray
+from calibrary.arrays import FloatArray, np
 
 
 def rotation_matrix(vector: FloatArray) -> FloatArray:

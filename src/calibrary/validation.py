@@ -29,8 +29,7 @@ from collections.abc import Callable, Iterator, Mapping
 from enum import StrEnum
 from typing import Final, TypeAlias
 
-import numpy as np
-
+from calibrary.arrays import np
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.policy import Policy
 from calibrary.records import Json, Record

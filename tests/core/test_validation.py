@@ -52,6 +52,7 @@ LITERAL = {
     "fixed_sigma_px",
     "fixed_share",
     "fixed_sigma_focal",
+    "map_sigma_focal",
     "start_sigma_focal",
     "metrology_sigma_px",
     "metrology_sigma_focal",

@@ -39,7 +39,8 @@ def own_names_listed(source: str) -> bool:
     ]
     brought = {
         alias.asname or alias.name
-        for node in body
+        for statement in body
+        for node in ast.walk(statement)
         if isinstance(node, ast.Import | ast.ImportFrom)
         for alias in node.names
     }
@@ -77,8 +78,7 @@ def test_importing_calibrary_loads_nothing_heavy() -> None:
 
 def test_importing_the_core_types_loads_nothing_heavy() -> None:
     loaded = roots_loaded_by("import calibrary.calibration, calibrary.errors, calibrary.distortion")
-    assert "numpy" in loaded
-    assert loaded & HEAVY == set()
+    assert loaded & (HEAVY | {"numpy"}) == set()
 
 
 def test_what_must_stay_unloaded_is_there_to_be_loaded() -> None:

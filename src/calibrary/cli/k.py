@@ -37,7 +37,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print_json(found)
     else:
-        rows = found.intrinsics.matrix.tolist()
+        rows = found.intrinsics.rows
         sys.stdout.write("".join("{} {} {}\n".format(*row) for row in rows))
     named = "" if found.calibration is not None else "a seed, no K: "
     errors().say(plain(f"calibrary: {named}{found.why}"))

@@ -9,10 +9,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, ClassVar, TypeAlias
 
-import numpy as np
-from numpy.typing import ArrayLike
-
-from calibrary.arrays import FloatArray
+from calibrary.arrays import ArrayLike, FloatArray, np
 from calibrary.errors import InputError
 from calibrary.kernel import Form
 from calibrary.records import Record, force_setattr

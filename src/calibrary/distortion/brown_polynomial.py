@@ -11,9 +11,7 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import ClassVar
 
-import numpy as np
-
-from calibrary.arrays import FloatArray
+from calibrary.arrays import FloatArray, np
 from calibrary.distortion.base import Distortion, NoDistortion, as_rows, perspective
 from calibrary.distortion.opencv import BrownConrady, OpenCVDistortion
 from calibrary.distortion.polynomial import Jacobian, Number, PolynomialMap, trimmed

@@ -12,9 +12,7 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import ClassVar
 
-import numpy as np
-
-from calibrary.arrays import FloatArray
+from calibrary.arrays import FloatArray, np
 from calibrary.distortion.base import Columns, Distortion, as_rows, by_columns, finite_pair
 from calibrary.distortion.omnidirectional import Omnidirectional
 from calibrary.distortion.opencv import OpenCVDistortion

@@ -11,9 +11,7 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from typing import ClassVar
 
-import numpy as np
-
-from calibrary.arrays import FloatArray
+from calibrary.arrays import FloatArray, np
 from calibrary.distortion.base import Distortion, NoDistortion, as_rows
 from calibrary.distortion.brown_polynomial import BrownPolynomial
 

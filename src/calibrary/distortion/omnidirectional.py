@@ -12,9 +12,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from typing import ClassVar
 
-import numpy as np
-
-from calibrary.arrays import FloatArray
+from calibrary.arrays import FloatArray, np
 from calibrary.distortion.base import (
     Columns,
     Distortion,

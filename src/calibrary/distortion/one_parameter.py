@@ -6,9 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import ClassVar
 
-import numpy as np
-
-from calibrary.arrays import FloatArray
+from calibrary.arrays import FloatArray, np
 from calibrary.distortion.base import Columns, Distortion, NoDistortion, by_columns, finite_pair, radially
 from calibrary.distortion.omnidirectional import Omnidirectional, unit
 from calibrary.errors import InputError

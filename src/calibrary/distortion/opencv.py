@@ -20,15 +20,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import ClassVar
 
-import numpy as np
 from msgspec import Struct
-from numpy.polynomial import polynomial as poly
-from numpy.typing import NDArray
 
-from calibrary.arrays import FloatArray
+from calibrary.arrays import FloatArray, NDArray, np, poly
 from calibrary.distortion.base import (
     Columns,
     Distortion,
@@ -43,8 +40,12 @@ from calibrary.distortion.polynomial import Inversion, PolynomialMap, first_posi
 from calibrary.errors import InputError
 from calibrary.kernel import Form
 
-SCAN = np.sinh(np.linspace(0.0, math.asinh(1e6), 500)[1:])
-"""Radii of the search in the map's unit of length: 0.03 apart up to 1, 3 % apart beyond, up to a million."""
+
+@cache
+def _scan() -> FloatArray:
+    """Return radii of the search in the map's unit of length: 0.03 apart up to 1, 3 % apart beyond, up to a million."""
+    return np.sinh(np.linspace(0.0, math.asinh(1e6), 500)[1:])
+
 
 CERTAIN = 1e-6
 """Relative margin of the quick test, far above rounding errors; cases closer to the limit need the exact test."""
@@ -53,8 +54,11 @@ GUESSES = 12
 SMALLEST_GAIN = 0.05
 """Smallest ratio of image radius to disc radius of a guess; smaller ones are beyond the limit of any lens."""
 
-SAMPLES = np.linspace(0.0, 2.0 * math.pi, 8, endpoint=False)
-"""Directions of eight samples on a circle, which determine a trigonometric polynomial of degree two (even three)."""
+
+@cache
+def _samples() -> FloatArray:
+    """Return eight directions on a circle, which determine a trigonometric polynomial of degree two (even three)."""
+    return np.linspace(0.0, 2.0 * math.pi, 8, endpoint=False)
 
 
 class OpenCVDistortion(Distortion):
@@ -449,7 +453,7 @@ def _searched(lens: PolynomialMap, horizon: tuple[float, float], pole: float) ->
         with np.errstate(all="ignore"):
             return _least_margin(lens, horizon, radii)
 
-    radii = SCAN[pole > SCAN]
+    radii = _scan()[pole > _scan()]
     if math.isfinite(pole):
         radii = np.append(radii, pole * (1.0 - np.logspace(-2, -12, 11)))
         radii.sort()
@@ -466,7 +470,8 @@ def _searched(lens: PolynomialMap, horizon: tuple[float, float], pole: float) ->
 
 def _least_margin(lens: PolynomialMap, horizon: tuple[float, float], radii: FloatArray) -> FloatArray:
     """Return the smallest determinant on each circle, or the smallest distance from the sensor's horizon if less."""
-    x, y = radii[:, None] * np.cos(SAMPLES), radii[:, None] * np.sin(SAMPLES)
+    along = _samples()
+    x, y = radii[:, None] * np.cos(along), radii[:, None] * np.sin(along)
     u, v, (ux, uy, vx, vy) = lens.image_and_jacobian(x, y)
     least = _least_over_directions(ux * vy - uy * vx)
     if any(horizon):
@@ -483,7 +488,7 @@ def _least_over_directions(samples: FloatArray) -> FloatArray:
     """
     least = np.full(len(samples), math.nan)
     usable = np.isfinite(samples).all(axis=1)
-    mean, f, g = np.fft.rfft(samples[usable], axis=1).T[:3] / len(SAMPLES)
+    mean, f, g = np.fft.rfft(samples[usable], axis=1).T[:3] / len(_samples())
     # Only the ratio of f and g affects the angles; both are negligible if tiny relative to the mean.
     size = np.maximum(np.maximum(np.abs(f), np.abs(g)), 1e-30 * np.abs(mean) + 1e-300)
     f, g = f / size, g / size

@@ -18,16 +18,14 @@ solution) are solved again with damped steps that never leave the disc.
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Sequence
 from functools import cached_property, lru_cache
 from typing import ClassVar, Self, TypeAlias, TypeVar
 
-import numpy as np
 from msgspec import Struct
-from numpy.polynomial import polynomial as poly
-from numpy.typing import ArrayLike, NDArray
 
-from calibrary.arrays import FloatArray
+from calibrary.arrays import ArrayLike, FloatArray, NDArray, np, poly
 from calibrary.kernel import Form, Front
 
 Number = TypeVar("Number", float, FloatArray)
@@ -373,7 +371,7 @@ DAMPED_STEPS = 120
 RESIDUAL = 1e-13
 """Largest residual of a point solved by damped steps, relative to its radius: 4e-10 px at a focal length of 4000 px."""
 
-LARGEST = float(np.finfo(np.float64).max)
+LARGEST = sys.float_info.max
 
 
 class Rim(Struct, frozen=True):

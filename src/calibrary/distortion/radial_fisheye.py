@@ -5,14 +5,12 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
-from functools import lru_cache, partial
-from typing import ClassVar, Self
+from functools import cache, lru_cache, partial
+from typing import ClassVar, Self, TypeAlias
 
-import numpy as np
 from msgspec import Struct
-from numpy.typing import NDArray
 
-from calibrary.arrays import FloatArray
+from calibrary.arrays import FloatArray, NDArray, np
 from calibrary.distortion.base import Columns, Distortion, by_columns, finite_pair
 from calibrary.distortion.omnidirectional import Omnidirectional
 from calibrary.distortion.polynomial import Number, Rising, first_positive_root, inverse_of_rising
@@ -29,12 +27,17 @@ TABULATED_RAD = 2.0
 ROUNDING = 2e-15
 """Largest difference between a tabulated ray and the result of Newton's method."""
 
-Numbers = FloatArray | NDArray[np.complex128]
+Numbers: TypeAlias = "FloatArray | NDArray[np.complex128]"
 
-_NODES = 0.5 - 0.5 * np.cos(math.pi * np.arange(4) / 3)
-"""Chebyshev nodes of a cell from 0 to 1, including both ends: the table is exact at the ends, hence at 0."""
 
-_TO_POWERS = np.linalg.inv(np.vander(_NODES))
+@cache
+def _nodes() -> tuple[FloatArray, FloatArray]:
+    """Return the (4,) Chebyshev nodes of a cell from 0 to 1, and the (4, 4) matrix from values there to powers.
+
+    They include both ends: the table is exact at the ends, hence at 0.
+    """
+    nodes = 0.5 - 0.5 * np.cos(math.pi * np.arange(4) / 3)
+    return nodes, np.asarray(np.linalg.inv(np.vander(nodes)), dtype=np.float64)
 
 
 class Cubics(Struct, frozen=True):
@@ -55,11 +58,12 @@ class Cubics(Struct, frozen=True):
     @classmethod
     def of(cls, functions: Callable[[FloatArray], Numbers], reach: float, cells: int) -> Self:
         """Tabulate ``functions``, which returns the (M, N) values of all M functions at N arguments."""
+        nodes, to_powers = _nodes()
         starts = np.arange(cells) * (reach / cells)
-        values = functions((starts + _NODES[:, None] * (reach / cells)).ravel())
+        values = functions((starts + nodes[:, None] * (reach / cells)).ravel())
         values = values.reshape(len(values), 4, cells)
         # The fit is to differences within a cell: these are small, and so are the rounding errors of the coefficients.
-        fitted = np.einsum("pn,mnc->pmc", _TO_POWERS, values - values[:, :1])
+        fitted = np.einsum("pn,mnc->pmc", to_powers, values - values[:, :1])
         fitted[3] += values[:, 0]
         return cls(reach, cells / reach, fitted)
 

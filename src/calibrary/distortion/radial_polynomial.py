@@ -7,9 +7,7 @@ from collections.abc import Mapping
 from functools import lru_cache
 from typing import ClassVar
 
-import numpy as np
-
-from calibrary.arrays import FloatArray
+from calibrary.arrays import FloatArray, np
 from calibrary.distortion.base import Distortion, NoDistortion, radially
 from calibrary.distortion.opencv import BrownConrady
 from calibrary.distortion.polynomial import Rising, inverse_of_rising

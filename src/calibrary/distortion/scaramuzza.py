@@ -7,9 +7,7 @@ from collections.abc import Mapping
 from functools import lru_cache
 from typing import ClassVar
 
-import numpy as np
-
-from calibrary.arrays import FloatArray
+from calibrary.arrays import FloatArray, np
 from calibrary.distortion.base import Columns, by_columns, finite_pair
 from calibrary.distortion.omnidirectional import Omnidirectional, unit
 from calibrary.distortion.polynomial import Rising, first_positive_root, inverse_of_rising

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import Annotated, Any, ClassVar, Final, NoReturn
 
-import numpy as np
 from msgspec import Struct
 
-from calibrary.arrays import BoolArray, FloatArray, IntArray
+from calibrary.arrays import BoolArray, FloatArray, IntArray, np
 from calibrary.distortion.base import Columns, by_columns, finite_number, finite_pair
 from calibrary.distortion.omnidirectional import Omnidirectional, unit
 from calibrary.errors import InputError
@@ -20,7 +19,14 @@ MOST_KNOTS: Final = 4_096
 """mrcal's own solves have some hundreds; twice as many numbers fit into an entry of a registry."""
 PER_CELL: Final = 4
 """Places along a cell's side at which the map is shown to turn no way back."""
-DIRECTIONS: Final = np.column_stack([f(np.arange(32) * math.pi / 16) for f in (np.cos, np.sin)])
+
+
+@cache
+def directions() -> FloatArray:
+    """Return (32, 2) directions all around, in which the limits of a valid field are stated."""
+    return np.column_stack([f(np.arange(32) * math.pi / 16) for f in (np.cos, np.sin)])
+
+
 """Of the sides of the valid field."""
 TURNS: Final = 60
 """Steps of Newton's search; a lens takes four."""
@@ -190,7 +196,7 @@ class _Surface:
     """The two spline surfaces, with what is computed of them once.
 
     Attributes:
-        limits: (32,) how far the valid field reaches in each of :data:`DIRECTIONS`: a convex polygon in u and v.
+        limits: (32,) how far the valid field reaches in each of :func:`directions`: a convex polygon in u and v.
         places, images: (N, 2) some u and v inside it, and what is seen of them.
     """
 
@@ -205,7 +211,7 @@ class _Surface:
 
     def holds(self, u: FloatArray, v: FloatArray, *, stretched: float = 1.0) -> BoolArray:
         """Whether (u, v) are inside the valid field, or one so many times as large."""
-        offsets = np.outer(u, DIRECTIONS[:, 0]) + np.outer(v, DIRECTIONS[:, 1])
+        offsets = np.outer(u, directions()[:, 0]) + np.outer(v, directions()[:, 1])
         return np.asarray((offsets < stretched * self.limits).all(axis=1))
 
     def at(self, u: FloatArray, v: FloatArray) -> FloatArray:
@@ -238,10 +244,10 @@ class _Surface:
         slopes = self.with_slopes(places)[1]
         xx, yy, xy = slopes[:, 0, 0], slopes[:, 1, 1], slopes[:, 0, 1] + slopes[:, 1, 0]
         bad = places[~(xx + yy > np.hypot(xx - yy, xy))]
-        whole: FloatArray = np.abs(DIRECTIONS) @ self.grid.edges
+        whole: FloatArray = np.abs(directions()) @ self.grid.edges
         limits = whole.copy()
         # From a good place to a bad one the map may turn back anywhere between.
-        offsets = bad[np.argsort(np.hypot(*bad.T))] @ DIRECTIONS.T - 1.0 / PER_CELL / self.grid.per_unit
+        offsets = bad[np.argsort(np.hypot(*bad.T))] @ directions().T - 1.0 / PER_CELL / self.grid.per_unit
         while len(offsets):
             # The side that loses least.
             side = int(np.argmax(offsets[0] / whole))
@@ -252,7 +258,7 @@ class _Surface:
     def found(self, xy: FloatArray) -> FloatArray:
         """The (u, v) whose image is (x, y); NaN where there is none."""
         inside = xy / np.maximum(
-            (xy @ DIRECTIONS.T / self.limits).max(axis=1, keepdims=True, initial=1.0), 1.0
+            (xy @ directions().T / self.limits).max(axis=1, keepdims=True, initial=1.0), 1.0
         )
         found = self._searched(xy, inside)
         lost = np.flatnonzero(np.isnan(found[:, 0]) & np.isfinite(xy).all(axis=1))

@@ -12,10 +12,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-import numpy as np
-from numpy.typing import ArrayLike
-
-from calibrary.arrays import FloatArray
+from calibrary.arrays import ArrayLike, FloatArray, np
 from calibrary.distortion import (
     BrownConrady,
     Distortion,

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-import numpy as np
-
+from calibrary.arrays import np
 from calibrary.calibration import Calibration
 from calibrary.distortion import NoDistortion
 from calibrary.errors import CalibrationError

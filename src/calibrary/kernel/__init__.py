@@ -15,11 +15,9 @@ from collections.abc import Sequence
 from enum import IntEnum
 from typing import TypeAlias
 
-import numpy as np
 from msgspec import Struct
-from numpy.typing import NDArray
 
-from calibrary.arrays import FloatArray
+from calibrary.arrays import FloatArray, NDArray, np
 
 try:
     from calibrary.kernel import _kernel
@@ -120,7 +118,7 @@ def _laid(rows: FloatArray) -> FloatArray:
     return rows if rows.flags.c_contiguous and rows.flags.aligned else np.array(rows, order="C")
 
 
-Where: TypeAlias = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]
+Where: TypeAlias = "tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]"
 """x and y, (H, W) px from the centre of the first pixel: position of each pixel of one image in another, −1 where it
 has none; and whether it has one."""
 

@@ -22,10 +22,9 @@ from collections.abc import Collection
 from enum import StrEnum
 from typing import Final
 
-import numpy as np
 from msgspec import Struct
 
-from calibrary.arrays import BoolArray, FloatArray
+from calibrary.arrays import BoolArray, FloatArray, np
 from calibrary.calib.projection_difference import ProjectionDifference
 from calibrary.calibration import Calibration, Covariance, Grade
 from calibrary.errors import CalibrationError

@@ -6,10 +6,9 @@ import io
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
 from calibrary.admission import admission
 from calibrary.arguments import Place, Reading
+from calibrary.arrays import np
 from calibrary.atomic import write_files
 from calibrary.calibration import Calibration, Intrinsics
 from calibrary.errors import InputError, RegistryError
