@@ -70,7 +70,7 @@ def test_a_registry_its_entries_and_its_answers(flight: Path) -> None:
 def test_an_audit_begins_with_what_is_most_urgent(flight: Path) -> None:
     audit = calibrary.open_registry(files(flight / "fleet")).audit([flight / "flight"])
     shown = text_of(audit._repr_html_())
-    assert f"|{len(audit.findings)} findings|" in shown
+    assert f"{audit.counts.note} notes" in shown
     assert shown.index("&lt;script&gt;alert(1)") < shown.index("|DJI FC6310R|")
 
 

@@ -11,15 +11,17 @@ from typing import Any, cast
 
 import pytest
 
+import calibrary
 from calibrary.cli.console import Screen
 from calibrary.cli.shown import show
+from calibrary.jobs.audit.told import told as audit_told
 from calibrary.jobs.desk import flights
 from calibrary.jobs.extract.outputs import plan
 from calibrary.jobs.extract.report import ExtractReport
 from calibrary.jobs.extract.told import told
 from calibrary.pages import render_page
 from calibrary.view import Table, View, text_of
-from tests.jobs.extract.fleet import DEWARP, P4R, gate, picture
+from tests.jobs.extract.fleet import DEWARP, P4R, entry, files, gate, picture
 
 
 def terminal(view: View) -> str:
@@ -95,3 +97,20 @@ def test_twenty_cameras_are_told_in_two_dozen_lines(tmp_path: Path) -> None:
             picture(tmp_path / f"{number}.jpg", make="Acme", model=f"No{camera}", focal_mm=(0, 0))
     report = plan(gate(tmp_path), tmp_path / "K_matrix.npy", "odm")
     assert len(terminal(told(report, files=True)).splitlines()) <= 24
+
+
+def test_an_audit_is_shown_equally(tmp_path: Path) -> None:
+    picture(tmp_path / "flight/a.jpg", **P4R, dewarp=DEWARP)
+    picture(tmp_path / "flight/b.jpg", (4000, 3000), make="Acme", model="Nine", focal_mm=(5, 1))
+    entry(tmp_path / "fleet", fx=3659.0)
+    done = calibrary.open_registry(files(tmp_path / "fleet")).audit([tmp_path / "flight"])
+    shown_equally(audit_told(done), done._repr_html_())
+
+
+def test_an_audit_of_twenty_cameras_without_an_entry_is_told_in_six_lines(tmp_path: Path) -> None:
+    for number in range(20):
+        picture(tmp_path / f"flight/{number}.jpg", make="Acme", model=f"No{number}", focal_mm=(5, 1))
+    (tmp_path / "fleet").mkdir()
+    entry(tmp_path / "fleet", fx=3659.0)
+    done = calibrary.open_registry(files(tmp_path / "fleet")).audit([tmp_path / "flight"])
+    assert len(terminal(audit_told(done)).splitlines()) <= 6

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,6 @@ from calibrary.calibration import Grade, Intrinsics, Quality
 from calibrary.cli import onboard
 from calibrary.cli.calibrate.display import _correlations, parameters
 from calibrary.cli.console import Screen
-from calibrary.cli.registry import audit
 from calibrary.distortion import BrownConrady
 from calibrary.jobs.diff.verdicts import ChangeVerdict
 from calibrary.jobs.images.folders import SkippedFile
@@ -28,9 +26,7 @@ from calibrary.jobs.onboard.report import (
     RelatedEntry,
     SortedFolder,
 )
-from calibrary.records import replace
 from calibrary.registry.entry import Status
-from calibrary.validation import Finding, Severity
 from tests.registry.entries import KEY, an_entry, covariance
 
 K = Intrinsics(fx=3661.25, fy=3658.75, cx=2731.5, cy=1831.25, image_size=(5472, 3648))
@@ -178,30 +174,3 @@ def test_a_table_on_a_terminal_is_indented_and_in_a_pipe_it_has_no_blanks_at_the
         shown.show([Text("one  ")], indent=2)
         assert isinstance(shown.file, io.StringIO)
         assert shown.file.getvalue() == f"{expected}\n"
-
-
-def test_a_finding_of_a_unit_names_the_camera_where_it_has_several_and_what_to_do() -> None:
-    found = [
-        Finding(
-            rule="firmware",
-            severity=Severity.WARNING,
-            message="K may have moved",
-            remedy="calibrate",
-            camera="full",
-        ),
-        Finding(rule="size", severity=Severity.NOTE, message="images are smaller"),
-    ]
-    cameras = [
-        SimpleNamespace(name=name, camera=replace(KEY, image_size=size))
-        for name, size in (("full", (5472, 3648)), ("half", (2736, 1824)))
-    ]
-    unit = SimpleNamespace(level=Severity.WARNING, name="P4R-03", findings=found)
-    for some, first in ((cameras, "5472×3648: K may have moved"), (cameras[:1], "K may have moved")):
-        shown = screen()
-        audit._show_unit(shown, unit, some)  # type: ignore[arg-type]  # what it reads of them
-        assert lines(shown) == [
-            "warning P4R-03: firmware",
-            first,
-            "next calibrate",
-            "note size: images are smaller",
-        ]

@@ -7,8 +7,8 @@ from enum import StrEnum
 from typing import Annotated, Literal, TypeAlias
 
 from calibrary.calibration import CameraKey, Grade
-from calibrary.interop.notebook import html_rows
 from calibrary.jobs.images.folders import SkippedFile
+from calibrary.pages.notebook import in_notebook
 from calibrary.records import Meta, Record
 from calibrary.registry.git.objects import ObjectId
 from calibrary.sfm.pixel_check import PixelCheck
@@ -344,15 +344,4 @@ class AuditReport(Record, tag_field="schema", tag="calibrary/registry-audit-1"):
 
     def _repr_html_(self) -> str:
         """The units that flew, most urgent first, as HTML, for notebooks."""
-        rows = [
-            (
-                unit.name,
-                str(unit.images),
-                unit.level.value if unit.level is not None else "clean",
-                unit.findings[0].message if unit.findings else "",
-                unit.next or "",
-            )
-            for unit in self.units
-        ]
-        columns = ("unit", "images", "gravest", "finding", "what to do")
-        return html_rows(columns, rows, title=f"{len(self.findings)} findings")
+        return in_notebook(self)

@@ -452,9 +452,9 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
             progress=progress,
         )
         if place is not None:
-            from calibrary.jobs.audit.page import audit_page
+            from calibrary.jobs.audit.told import told
 
-            write_page(place, audit_page(done))
+            write_page(place, told(done))
         return done
 
     def status(

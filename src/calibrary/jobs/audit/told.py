@@ -1,13 +1,18 @@
-"""Page of an audit: what to do first, all flights, and each unit with its findings."""
+"""What an audit shows: every unit and what to do, each with its findings, and all flights."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from datetime import date
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
+from msgspec import Struct
+
+from calibrary.errors import first_of
 from calibrary.jobs.audit.report import (
     LEVELS,
     AuditedCamera,
@@ -34,18 +39,19 @@ from calibrary.pages.wording import (
     several,
 )
 from calibrary.sfm.pixel_check import PixelVerdict
-from calibrary.validation import Finding, Severity
+from calibrary.validation import Severity
 from calibrary.view import (
     Badge,
     Block,
-    Bullets,
     Cell,
     Column,
     Details,
     Figure,
     Link,
     Note,
+    Plots,
     Section,
+    Table,
     Tone,
     View,
 )
@@ -56,9 +62,14 @@ USES: Final = {use: Tone.GOOD if use is Use.USED else Tone.BAD for use in Use}
 PX: Final = Axis("fx", "px")
 BADGES: Final = {
     "clean": Badge("nothing to do", Tone.GOOD),
-    "incomplete": Badge("not everything was compared", Tone.CAUTION),
+    "incomplete": Badge("nothing found, but not everything was compared", Tone.CAUTION),
     "findings": Badge("needs attention", Tone.BAD),
 }
+NOT_FLOWN: Final = "not flown"
+COMMAND: Final = re.compile(r"\bcalibrary (registry \w+|diff|onboard|calibrate)\b")
+MOST_FINE: Final = 10
+"""Most units without a finding that have a row of their own."""
+FEW: Final = 3
 MOST_ROWS: Final = 500
 MOST_UNITS: Final = 60
 """Most units that get their own section; the table lists all units."""
@@ -97,15 +108,23 @@ PIXELS: Final = {
 STEADY: Final = {Change.STEADY: Tone.GOOD, Change.UNKNOWN: Tone.NEUTRAL, Change.SEVERAL_UNITS: Tone.NEUTRAL}
 
 
-def audit_page(done: AuditReport) -> View:
-    """Make the page of an audit."""
+def told(done: AuditReport, *, registry: str = "") -> View:
+    """Describe an audit.
+
+    Args:
+        done: the result.
+        registry: the flag that selects the audited registry, for the commands of the remedies.
+    """
     levels = (count(getattr(done.counts, level.value), level.value) for level in LEVELS)
     days = [day for one in done.flights for day in (one.first, one.last) if day is not None]
+    left_out = f", {done.images_before} older left out" if done.images_before else ""
+    left_out += f", {done.images_undated} without a day" if done.images_undated else ""
+    badge = BADGES[done.verdict]
     return View(
         title="Audit of the registry",
-        badge=BADGES[done.verdict],
-        lead=f"{count(done.images, 'image')} of {count(len(done.flights), 'flight')} compared with "
-        f"{count(done.entries, 'entry', 'entries')} of the registry: {', '.join(levels)}.",
+        badge=badge,
+        lead=f"{badge.text}: {count(len(done.cameras), 'camera')} in {count(done.images, 'image')}{left_out}, "
+        f"{count(done.entries, 'entry', 'entries')}: {', '.join(levels)}",
         facts=known(
             ("images in", several(Path(folder).name or folder for folder in done.folders)),
             ("flown", _days(min(days, default=None), max(days, default=None))),
@@ -115,21 +134,19 @@ def audit_page(done: AuditReport) -> View:
             ),
             ("audited on", done.on.isoformat()),
         ),
-        sections=tuple(_sections(done)),
-        # The first table links to the sections of the units.
-        contents=False,
+        sections=tuple(_sections(done, registry)),
         made_by=made_by(f"on {done.on}, the registry at {(done.commit or 'a folder without git')[:12]}"),
     )
 
 
-def _sections(done: AuditReport) -> Iterator[Section]:
-    due = [unit for unit in done.units if unit.is_due]
-    if due:
-        yield Section(title="What to do first", blocks=tuple(_first(due)))
-    yield Section(title="Flights", blocks=tuple(_flights(done)))
+def _sections(done: AuditReport, registry: str) -> Iterator[Section]:
+    yield Section(title="Units", blocks=tuple(_answer(done, registry)))
+    if done.verification is not None:
+        yield _time_section(done.verification)
     concerned = {(one.camera, one.place) for one in done.findings if one.rule in DRAWN}
+    due = [unit for unit in done.units if unit.findings]
     for n, unit in enumerate(due[:MOST_UNITS]):
-        blocks = tuple(_unit(unit, done.cameras_of(unit), concerned))
+        blocks = tuple(_unit(unit, done.cameras_of(unit), concerned, registry))
         badge = Badge(unit.findings[0].rule, TONES[unit.findings[0].severity])
         yield Section(title=unit.name, badge=badge, anchor=_anchor(n), blocks=blocks, printed=False)
     fine = [camera for unit in done.units if not unit.is_due for camera in done.cameras_of(unit)]
@@ -138,11 +155,7 @@ def _sections(done: AuditReport) -> Iterator[Section]:
         rows = [_row(camera, camera.name) for camera in fine]
         table = cut_table(caption, CAMERAS, rows, most=MOST_ROWS, rest="the JSON")
         yield Section(title="Nothing to do", blocks=tuple(table), printed=False)
-    if done.verification is not None:
-        yield _time_section(done.verification)
-    notes = [finding for finding in done.findings if finding.severity is Severity.NOTE]
-    if notes:
-        yield Section(title="For information", blocks=(_notes(notes),), printed=False)
+    yield Section(title="Flights", blocks=tuple(_flights(done)), printed=False)
     if done.not_compared:
         rows = [(one.what, one.reason) for one in done.not_compared]
         columns = (Column("camera, file or proposal"), Column("reason"))
@@ -152,29 +165,92 @@ def _sections(done: AuditReport) -> Iterator[Section]:
         yield Section(title="Images skipped", blocks=(_unreadable(done),), printed=False)
 
 
-def _first(due: Sequence[AuditedUnit]) -> Iterator[Block]:
-    """Table with one row per unit, most urgent first."""
-    columns = (
-        Column("unit"),
-        Column("most urgent"),
-        Column("findings", numeric=True),
-        Column("images", numeric=True),
-        Column("flights"),
-        Column("do this"),
+class Row(Struct, frozen=True, kw_only=True):
+    """A row of the answer: a unit, or units with one cause."""
+
+    unit: Cell
+    state: Badge
+    findings: int = 0
+    images: int = 0
+    flights: Sequence[str] = ()
+    why: str = ""
+    do: str = ""
+
+
+UNITS: Final = (
+    Column("unit", lambda row: row.unit),
+    Column("state", lambda row: row.state),
+    Column("findings", lambda row: str(row.findings or ""), numeric=True, rank=3),
+    Column("images", lambda row: str(row.images or ""), numeric=True, rank=2),
+    Column("flights", lambda row: first_of(row.flights, 1), rank=4),
+    Column("why", lambda row: row.why, below=""),
+    Column("what to do", lambda row: row.do, below="→ "),
+)
+
+
+def _answer(done: AuditReport, registry: str) -> Iterator[Block]:
+    """Every unit that flew, the most urgent first and those with one cause together, and what was not compared."""
+    flew = [unit for unit in done.units if unit.images or unit.is_due]
+    anchors = {unit.name: _anchor(n) for n, unit in enumerate(one for one in done.units if one.findings)}
+    causes: dict[object, list[AuditedUnit]] = {}
+    for unit in flew:
+        rules = tuple(dict.fromkeys(one.rule for one in unit.findings if one.severity is not Severity.NOTE))
+        causes.setdefault((unit.level, rules) if unit.is_due else unit.name, []).append(unit)
+    rows = [_cause(units, done, registry, anchors.get(units[0].name)) for units in causes.values()]
+    fine = sum(not units[0].is_due for units in causes.values())
+    shown = len(rows) - max(0, fine - MOST_FINE)
+    yield Table.of("Every unit that flew, the most urgent first", rows[:shown], UNITS)
+    if shown < len(rows):
+        yield f"{count(len(rows) - shown, 'more unit')} without anything to do"
+    if quiet := sum(one.rule == NOT_FLOWN for one in done.findings):
+        yield f"{count(quiet, 'usable entry', 'usable entries')} did not fly here"
+    for what, found in (
+        ("skipped", [(one.name, one.reason) for one in done.unreadable]),
+        ("not compared", [(one.what, one.reason) for one in done.not_compared]),
+    ):
+        reasons: dict[str, list[str]] = {}
+        for name, reason in found:
+            reasons.setdefault(reason, []).append(name)
+        for reason, names in [*reasons.items()][:FEW]:
+            yield Note(text=f"{what} {first_of(names, 1)}: {reason}", tone=Tone.CAUTION)
+        if more := sum(len(names) for names in [*reasons.values()][FEW:]):
+            yield Note(text=f"{what}: {more} more", tone=Tone.CAUTION)
+    if done.images_before:
+        yield f"{count(done.images_before, 'image')} taken before {done.since} skipped"
+
+
+def _cause(units: Sequence[AuditedUnit], done: AuditReport, registry: str, anchor: str | None) -> Row:
+    first, worst = units[0], units[0].findings[0] if units[0].findings else None
+    cameras = done.cameras_of(first)
+    which = f"{worst.camera or worst.place}: " if worst is not None and len(cameras) > 1 else ""
+    more = f" and {len(units) - 1} more" if len(units) > 1 else ""
+    name = f"{first.name}{more}"
+    return Row(
+        unit=Link(name, f"#{anchor}") if anchor is not None else name,
+        state=Badge(worst.rule, TONES[worst.severity]) if worst is not None else Badge("clean", Tone.GOOD),
+        findings=sum(len(unit.findings) for unit in units),
+        images=sum(unit.images for unit in units),
+        flights=[*dict.fromkeys(leg.flight for unit in units for leg in unit.flights)],
+        why=f"{which}{worst.message}" if worst is not None else _in_brief(first, cameras),
+        do=_of(registry, first.next or (worst.remedy if worst is not None else None) or ""),
     )
-    rows = [
-        (
-            Link(unit.name, f"#{_anchor(n)}") if n < MOST_UNITS else unit.name,
-            Badge(unit.findings[0].rule, TONES[unit.findings[0].severity]),
-            str(sum(finding.severity is not Severity.NOTE for finding in unit.findings)),
-            str(unit.images),
-            several(dict.fromkeys(leg.flight for leg in unit.flights)),
-            unit.next or "–",
-        )
-        for n, unit in enumerate(due)
-    ]
-    caption = "Every unit that needs attention, the most urgent first"
-    yield from cut_table(caption, columns, rows, most=MOST_ROWS, rest="the JSON")
+
+
+def _of(registry: str, remedy: str) -> str:
+    """A remedy with the flag that selects the audited registry in its commands, unless they are run in its folder."""
+    return remedy if "in the registry's folder" in remedy else COMMAND.sub(rf"\g<0>{registry}", remedy)
+
+
+def _in_brief(unit: AuditedUnit, cameras: Sequence[AuditedCamera]) -> str:
+    """Of a unit without a finding, the entries that are used, and what tells that they are right."""
+    last = max((leg.last for leg in unit.flights if leg.last is not None), default=None)
+    told = dict.fromkeys(
+        f"{one.own.tag} {one.own.difference:+.2%}, within ±{one.own.limit:.1%}"
+        for one in cameras
+        if one.own is not None
+    )
+    flown = (f"last flown on {last}",) if last is not None else ()
+    return "; ".join([", ".join(unit.entries), *told, *flown])
 
 
 def _anchor(n: int) -> str:
@@ -193,10 +269,6 @@ def _flights(done: AuditReport) -> Iterator[Block]:
     caption = "Every flight (a folder of images), those that need attention first"
     rows = [_flight(one) for one in done.flights]
     yield from cut_table(caption, columns, rows, most=MOST_ROWS, rest="the JSON")
-    if done.images_undated:
-        yield f"{count(done.images_undated, 'image')} without a date counted as recent."
-    if done.images_before:
-        yield f"{count(done.images_before, 'image')} taken before {done.since} skipped."
 
 
 def _flight(one: AuditedFlight) -> tuple[Cell, ...]:
@@ -221,26 +293,26 @@ def _days(first: date | None, last: date | None) -> str | None:
 
 
 def _unit(
-    unit: AuditedUnit, cameras: Sequence[AuditedCamera], concerned: set[tuple[str | None, str | None]]
+    unit: AuditedUnit,
+    cameras: Sequence[AuditedCamera],
+    concerned: set[tuple[str | None, str | None]],
+    registry: str,
 ) -> Iterator[Block]:
     """Section of one unit: findings, cameras, and the estimates of fx from their images if fx is in question."""
     own = {one.name: str(one.camera) for one in cameras}
     for finding in unit.findings:
-        if finding.severity is not Severity.NOTE:
-            camera = own.get(finding.camera or "", finding.camera) or finding.place
-            yield Note(
-                text=f"{sentence(finding.rule)} {camera}: {finding.message}.",
-                action=finding.remedy,
-                tone=TONES[finding.severity],
-            )
+        camera = own.get(finding.camera or "", finding.camera) or finding.place
+        yield Note(
+            text=f"{sentence(finding.rule)} {camera}: {finding.message}.",
+            action=_of(registry, finding.remedy) if finding.remedy is not None else None,
+            tone=TONES[finding.severity],
+        )
     if cameras:
         rows = [_row(one, _within(one)) for one in cameras]
         yield from cut_table("Its cameras", CAMERAS, rows, most=MOST_ROWS, rest="the JSON")
     for one in cameras:
         if (one.name, one.entry) in concerned:
-            figure = _chart(one)
-            if figure is not None:
-                yield figure
+            yield Plots(partial(_chart, one))
 
 
 def _within(one: AuditedCamera) -> str:
@@ -264,9 +336,9 @@ def _row(one: AuditedCamera, name: str) -> tuple[Cell, ...]:
     )
 
 
-def _chart(one: AuditedCamera) -> Figure | None:
+def _chart(one: AuditedCamera) -> Iterator[Figure]:
     if one.fx is None or one.tolerance is None or not one.sources:
-        return None
+        return
     rows = [Interval(name=f"entry {one.entry}", value=one.fx, role=Role.CHOSEN)]
     rows += [
         Interval(
@@ -279,16 +351,7 @@ def _chart(one: AuditedCamera) -> Figure | None:
     ]
     band = Band(one.fx * (1 - one.tolerance), one.fx * (1 + one.tolerance), "the entry")
     caption = f"fx by each source in the images of {_within(one)}. Shaded: the entry ± {one.tolerance:.1%}."
-    return intervals(rows, axis=PX, caption=caption, band=band)
-
-
-def _notes(notes: Sequence[Finding]) -> Details:
-    told = tuple(
-        f"{finding.camera or finding.place}: {finding.rule}. {sentence(finding.message)}"
-        for finding in notes[:MOST_ROWS]
-    )
-    more = (f"{len(notes) - MOST_ROWS} more are in the JSON.",) if len(notes) > MOST_ROWS else ()
-    return Details(summary=count(len(notes), "note"), blocks=(Bullets(told), *more))
+    yield intervals(rows, axis=PX, caption=caption, band=band)
 
 
 def _unreadable(done: AuditReport) -> Details:
@@ -315,20 +378,20 @@ def _time_section(done: Verification) -> Section:
         )
         for unit in done.units[:MOST_SERIES]
     ]
+    if not done.units:
+        blocks.append("No flight has 8 images of one camera and day and a K to compare them with.")
     if len(done.units) > MOST_SERIES:
         blocks.append(f"{len(done.units) - MOST_SERIES} more units are in the JSON.")
     if done.left_out:
         blocks.append(
             f"{done.left_out} more flights were not looked at within {done.minutes:g} min (--verify-minutes)."
         )
-    return Section(title="K over time, by the pixels", blocks=tuple(blocks), printed=False)
+    return Section(title="K over time, by the pixels", blocks=tuple(blocks))
 
 
 def _over_time(unit: UnitOverTime) -> Iterator[Block]:
     yield f"By the pixels: {unit.reason}."
-    figure = _plot(unit)
-    if figure is not None:
-        yield figure
+    yield Plots(partial(_plot, unit))
     caption = f"The flights of {unit.name} that were looked at"
     rows = [_check(one) for one in unit.flights]
     yield from cut_table(caption, CHECKS, rows, most=MOST_FLIGHTS, rest="the JSON")
@@ -351,8 +414,8 @@ def _check(one: DatedCheck) -> tuple[str | Badge, ...]:
     )
 
 
-def _plot(unit: UnitOverTime) -> Figure | None:
-    """Plot of the measured fx by date against the registered fx; None without measurements."""
+def _plot(unit: UnitOverTime) -> Iterator[Figure]:
+    """Plot of the measured fx by date against the registered fx, if there are measurements."""
     measured = [
         Dated(day=one.day, value=fx, std=std * fx, role=ROLES[one.pixels.verdict])
         for one in unit.flights
@@ -361,7 +424,7 @@ def _plot(unit: UnitOverTime) -> Figure | None:
         and (std := one.pixels.std) is not None
     ]
     if not measured:
-        return None
+        return
     periods = {
         (one.entry, one.pixels.fx, one.valid_from, one.valid_until): Period(
             first=one.valid_from,
@@ -379,7 +442,7 @@ def _plot(unit: UnitOverTime) -> Figure | None:
         for before, after in pairwise(dated)
         if before.firmware != after.firmware and after.day is not None
     ]
-    return over_time(
+    yield over_time(
         measured,
         [*periods.values()],
         axis=Axis("fx", "px"),
