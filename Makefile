@@ -57,10 +57,10 @@ demo: $(USABLE) ## Synthesise the flight of a mixed fleet and judge it
 	@echo 'The matrices and the report are in $(DEMO)/result. The commands of README.md can be typed there:'
 	@echo '  source $(BIN)/activate; cd $(DEMO)'
 
-test: $(INSTALLED) ## Run the whole test suite on all processors (ARGS="-k name -n 0" narrows it, on one)
+test: $(INSTALLED) ## Run the test suite on all processors (ARGS="-k name -n 0" narrows it, on one)
 	$(BIN)/pytest -n auto --dist worksteal $(ARGS)
 
-test-thorough: $(INSTALLED) ## Run the suite with many more, and ever new, examples of every property
+test-thorough: $(INSTALLED) ## Run all tests, browsers and long solves too, with many more, and ever new, examples
 	HYPOTHESIS_PROFILE=thorough $(BIN)/pytest -n auto --dist worksteal $(ARGS)
 
 # The oldest libraries meet the newest of what these need themselves, and are told that their ways are dated. What is

@@ -50,7 +50,7 @@ def pytest_configure(config: pytest.Config) -> None:
     """What costs too much fails; a thorough run may take its time."""
     config.addinivalue_line("markers", "thorough: a test of make test-thorough alone")
     config.addinivalue_line("markers", "walk: a test with a browser that is one of make test, too")
-    config.pluginmanager.register(Meter(read_dear(), fails=False))
+    config.pluginmanager.register(Meter(read_dear(), fails=not THOROUGH))
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

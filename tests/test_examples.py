@@ -45,6 +45,10 @@ EXAMPLES = {
 """What is public both here and in its job is run once."""
 
 
+LONG = {f"calibrary.jobs.{name}" for name in ("demo", "calibrate", "onboard", "undistort")}
+"""Whose examples solve frames or read the whole demonstration flight: for a thorough run."""
+
+
 def test_every_public_name_and_every_job_has_an_example() -> None:
     silent = {name for name, job in FACES.items() if ">>>" not in (job.__doc__ or "")}
     silent |= {
@@ -53,7 +57,13 @@ def test_every_public_name_and_every_job_has_an_example() -> None:
     assert silent == set()
 
 
-@pytest.mark.parametrize("example", list(EXAMPLES.values()), ids=lambda example: example.name)
+@pytest.mark.parametrize(
+    "example",
+    [
+        pytest.param(one, id=one.name, marks=[pytest.mark.thorough] if one.name in LONG else [])
+        for one in EXAMPLES.values()
+    ],
+)
 def test_the_example_is_true(
     example: doctest.DocTest, furnished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -56,6 +56,7 @@ def run(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
         return typed(command)
 
 
+@pytest.mark.thorough
 def test_every_command_of_the_page_runs_in_its_order(desk: Path) -> None:
     said = {}
     for command in COMMANDS:

@@ -103,6 +103,7 @@ def test_a_heated_board_shows_its_colours_the_other_way_round() -> None:
     assert nearest.max() < 0.5
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("columns", "rows"), [(12, 9), (10, 6), (9, 8)])
 def test_a_whole_smaller_board_is_no_part_of_a_larger_one(columns: int, rows: int) -> None:
     found = detect(photograph()[0], Board(columns=columns, rows=rows, square_mm=40))

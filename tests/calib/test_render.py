@@ -67,6 +67,7 @@ def test_hard_frames_are_noisier_but_not_biased() -> None:
     assert 0.04 < off.std() < 0.12
 
 
+@pytest.mark.thorough
 def test_pixels_are_the_mean_light_of_their_area() -> None:
     """Against a plain count over 16×16 points in every pixel, through a homography that OpenCV makes."""
     scene = camera((160, 120), 130.0, NoDistortion())

@@ -80,6 +80,7 @@ def test_sigma_of_the_parameters_contains_what_they_have_absorbed_of_the_field()
     assert found.quality.std == found.quality.covariance.std
 
 
+@pytest.mark.thorough
 def test_without_any_sigma_over_the_frame_there_is_no_field_and_the_verdict_says_so() -> None:
     terms = {"k1": 1.2, "k2": 0.25, "p1": 2e-4, "p2": -2e-4, "k3": 0.005, "k4": 1.55, "k5": 0.5, "k6": 0.03}
     lens = camera(fx=1000.0, fy=1000.0, distortion=Rational(**terms))

@@ -239,6 +239,7 @@ def test_exchanged_frames_of_single_shots_are_named() -> None:
     assert (trouble.cause.value, trouble.shots) == ("swapped-frames", (seen.shots[shot],))
 
 
+@pytest.mark.thorough
 def test_a_board_that_looks_the_same_upside_down_is_counted_from_one_end() -> None:
     board = Board(columns=9, rows=7, square_mm=40.0)
     truth = true_rig(13, board=board)

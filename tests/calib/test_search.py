@@ -102,6 +102,7 @@ class TestCheckerboards:
 
 
 class TestMarkers:
+    @pytest.mark.thorough
     @pytest.mark.parametrize(
         ("across", "down", "dictionary", "legacy"),
         every(

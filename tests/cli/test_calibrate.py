@@ -104,6 +104,7 @@ def test_a_person_sees_verdict_parameters_and_every_view(calibrated: Run, photog
     assert len(re.findall(r"board_00\d\d\.jpg +0\.\d", out)) == COUNT
 
 
+@pytest.mark.thorough
 def test_the_board_is_found_by_trying_where_nobody_names_it(
     calibrated: Run, photographed: Path, told: str
 ) -> None:
@@ -147,6 +148,7 @@ def test_a_model_names_the_camera_and_a_lens_model_its_distortion(calibrated: Ru
     assert (document["calibration"]["camera"]["model"], document["model"]) == ("brown", "k1k2")
 
 
+@pytest.mark.thorough
 def test_corners_that_were_kept_give_the_same_numbers_again(calibrated: Run, photographed: Path) -> None:
     threads = cv2.getNumThreads()
     try:
@@ -301,6 +303,7 @@ def test_an_entry_holds_what_it_takes_to_solve_it_again(
     assert abs(again["fx"] / CAMERA.intrinsics.fx - 1) < 2e-3
 
 
+@pytest.mark.thorough
 def test_an_entry_of_another_name_is_met_by_its_key(calibrated: Run, tmp_path: Path, fleet: Registry) -> None:
     kept = corners(tmp_path / "kept.json")
     other = corners(tmp_path / "other.json", seed=3)
@@ -326,6 +329,7 @@ def test_a_camera_without_a_name_is_asked_for_before_the_work(
     assert [*fleet.snapshot().entries(), *fleet.snapshot().proposals()] == []
 
 
+@pytest.mark.thorough
 def test_without_the_side_of_a_square_k_is_the_same_and_lengths_are_in_squares(
     calibrated: Run, photographed: Path, told: str
 ) -> None:
@@ -366,6 +370,7 @@ def test_a_key_that_nobody_has_is_told_of(calibrated: Run, tmp_path: Path, fleet
     assert "--model" in err
 
 
+@pytest.mark.thorough
 def test_a_wrong_square_moves_the_poses_and_not_k(calibrated: Run, tmp_path: Path) -> None:
     shots = frames(tmp_path / "shots", 8)
     right = json.loads(calibrated(*shots, *BOARD, "--json")[1])

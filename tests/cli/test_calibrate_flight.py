@@ -144,6 +144,7 @@ def test_images_of_which_none_can_be_read_are_counted(
     assert "none of 3 images can be read; expected a flight" in capsys.readouterr().err
 
 
+@pytest.mark.thorough
 def test_a_flat_flight_is_refused_with_what_to_fly(
     flat: Path, simulated: Callable[[Plan], None], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -160,6 +161,7 @@ def test_a_flat_flight_is_refused_with_what_to_fly(
     assert "what to fly instead" in report.read_text(encoding="utf-8")
 
 
+@pytest.mark.thorough
 def test_another_programs_reconstruction_is_judged_as_our_own(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -213,6 +215,7 @@ def test_a_reconstruction_needs_no_images(
     assert "0 images of this camera" in capsys.readouterr().err
 
 
+@pytest.mark.thorough
 def test_ground_control_takes_part_and_is_printed_without_a_place(
     tmp_path: Path, simulated: Callable[[Plan], None], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -14,6 +14,7 @@ import pytest
 
 from calibrary.cli.main import main
 from tests.jobs.extract.fleet import P4R, picture
+from tests.thorough import every
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks at processes through /proc")
 
@@ -141,8 +142,8 @@ def test_start_up_is_interrupted_in_order(
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("number", SIGNALS)
-@pytest.mark.parametrize("count", [2, 5])
+@pytest.mark.parametrize("number", every(2, SIGNALS))
+@pytest.mark.parametrize("count", every(2, [2, 5]))
 def test_worker_processes_end_with_the_command_and_say_nothing(
     tmp_path: Path, flight: Path, number: signal.Signals, count: int
 ) -> None:
@@ -165,7 +166,7 @@ def frames(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-@pytest.mark.parametrize("number", SIGNALS)
+@pytest.mark.parametrize("number", every(2, SIGNALS))
 def test_a_calibration_leaves_nothing_behind(tmp_path: Path, frames: Path, number: signal.Signals) -> None:
     command = [
         *CALIBRARY,
@@ -185,11 +186,13 @@ def test_a_calibration_leaves_nothing_behind(tmp_path: Path, frames: Path, numbe
     assert len([*frames.iterdir()]) == 405
 
 
+@pytest.mark.thorough
 def test_a_watch_that_is_looking_at_frames_stops_in_silence(tmp_path: Path, frames: Path) -> None:
     command = [*CALIBRARY, "calibrate", "watch", str(frames), "--board", "checkerboard:9x6"]
     assert interrupted(command, tmp_path, signal.SIGINT, at_work, group=False) == (1, "")
 
 
+@pytest.mark.thorough
 def test_a_second_ctrl_c_does_not_disturb_the_first(tmp_path: Path, flight: Path) -> None:
     def twice(process: subprocess.Popen[str]) -> bool:
         if not processes(4)(process):

@@ -32,6 +32,9 @@ RUN = [
     if page.relative_to(DOCS).as_posix() not in ELSEWHERE and blocks(page.read_text("utf-8"))
 ]
 
+LONG = {"tutorials/calibrate-from-a-board.md", "how-to/bucket.md"}
+"""Pages that take seconds, for a thorough run: frames are rendered and solved, a bucket's server is started."""
+
 
 @pytest.fixture
 def desk(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Desk:
@@ -57,7 +60,14 @@ def desk(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.Mon
     return Desk(folder)
 
 
-@pytest.mark.parametrize("page", RUN, ids=lambda page: page.relative_to(DOCS).as_posix())
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(page, id=name, marks=[pytest.mark.thorough] if name in LONG else [])
+        for page in RUN
+        for name in [page.relative_to(DOCS).as_posix()]
+    ],
+)
 def test_the_page_does_what_it_shows(page: Path, desk: Desk) -> None:
     for block in blocks(page.read_text(encoding="utf-8")):
         if block.reason is not None:

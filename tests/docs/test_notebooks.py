@@ -13,6 +13,7 @@ from nbclient import NotebookClient
 
 from tests.conftest import Flight
 from tests.house.project import ROOT
+from tests.thorough import every
 
 NOTEBOOKS = sorted((ROOT / "docs/notebooks").glob("*.ipynb"))
 
@@ -26,7 +27,7 @@ def printed(notebook: Any) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", every(2, NOTEBOOKS), ids=lambda path: path.stem)
 # What Jupyter's own libraries tell one another.
 @pytest.mark.filterwarnings("ignore")
 def test_a_notebook_prints_what_it_shows(path: Path, tmp_path: Path, demo_flight: Flight) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from collections.abc import Mapping
 from importlib.metadata import packages_distributions
 
 import pytest
@@ -83,14 +84,22 @@ def test_no_extra_but_opencv_brings_an_opencv() -> None:
     assert naming == {"opencv"}
 
 
+@pytest.fixture(scope="module")
+def installed() -> Mapping[str, list[str]]:
+    """The distributions that each module here is of."""
+    return packages_distributions()
+
+
 @pytest.mark.parametrize("module", LIBRARIES)
-def test_each_optional_library_is_in_the_extras_that_its_message_names(module: str) -> None:
+def test_each_optional_library_is_in_the_extras_that_its_message_names(
+    installed: Mapping[str, list[str]], module: str
+) -> None:
     brought = {
         canonicalize_name(Requirement(line).name)
         for extra in LIBRARIES[module].extras
         for line in EXTRAS[extra]
     }
-    distributions = {canonicalize_name(name) for name in packages_distributions()[module]}
+    distributions = {canonicalize_name(name) for name in installed[module]}
     assert brought & distributions
 
 

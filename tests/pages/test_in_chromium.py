@@ -189,7 +189,6 @@ def test_every_plot_is_drawn(shown: tuple[Page, Seen]) -> None:
     assert all(width > 300 and marks > 2 for width, marks in sizes)
 
 
-@pytest.mark.walk
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_commands_page_is_quiet_and_readable_by_everyone(browser: Browser, folder: Path, name: str) -> None:
     context = browser.new_context(

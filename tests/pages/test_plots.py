@@ -53,6 +53,7 @@ def gallery() -> dict[str, Figure]:
 
 
 class TestEveryPlot:
+    @pytest.mark.thorough
     def test_is_the_same_bytes_whatever_the_user_has_set_up(self, gallery: dict[str, Figure]) -> None:
         with mpl.rc_context(
             {"font.size": 30, "axes.grid": True, "svg.fonttype": "path", "text.color": "red"}

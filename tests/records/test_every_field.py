@@ -48,7 +48,7 @@ DOCUMENTS: Mapping[str, type[Record]] = {
 WHOLE = sorted({*DOCUMENTS} - {"published-camera-2"})
 """All but the one whose entries stay the bytes that were published; tests/registry/published reads those."""
 SLOW = settings(
-    max_examples=examples(2),
+    max_examples=examples(1, 40),
     deadline=None,
     phases=[Phase.explicit, Phase.generate],
     suppress_health_check=[*HealthCheck],

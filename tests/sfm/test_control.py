@@ -98,6 +98,7 @@ def test_the_world_is_where_the_points_are(positions: bool) -> None:
         assert found.control.offset_m is None
 
 
+@pytest.mark.thorough
 def test_sigma_is_smaller_with_points_of_different_heights_and_the_datum() -> None:
     plan = replace(PLANS["relief, one height"], gps_m=(0.02, 0.03), points=300)
     alone = covariance(adjust(*flown(plan), model=Solvable.BROWN).bundle)[0, 0] ** 0.5

@@ -283,6 +283,7 @@ def test_a_tag_of_one_and_a_focal_length_of_the_other_come_together(
     assert "fc6310r" not in run(capsys, "check", "--registry", twin)[1]
 
 
+@pytest.mark.thorough
 def test_tags_of_both_come_together_and_one_that_either_took_away_is_gone(
     fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -329,6 +330,7 @@ def rewritten(fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]) -> Pa
     return twin
 
 
+@pytest.mark.thorough
 def test_what_a_rewritten_remote_lost_does_not_come_back_unasked(
     rewritten: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -361,6 +363,7 @@ def test_kept_commits_stay_on_top_of_a_rewritten_remote(
     assert run(capsys, "sync", "--registry", rewritten)[0] == 0
 
 
+@pytest.mark.thorough
 def test_a_squash_of_what_one_has_asks_nothing(
     fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -390,6 +393,7 @@ def test_proposed_commits_become_a_branch_and_leave_the_own_one(
     assert run(capsys, "sync", "--propose", "--registry", twin)[0] == 4
 
 
+@pytest.mark.thorough
 def test_after_a_squash_merge_of_the_proposal_a_pull_goes_forward(
     fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -525,6 +529,7 @@ class TestStatements:
         assert run(capsys, "sync", "--removed", "keep", "--registry", twin)[0] == 0
         assert fx_of(twin) == 3710.0
 
+    @pytest.mark.thorough
     @pytest.mark.parametrize(("side", "label"), [("--theirs", "P4R-01"), ("--ours", "P4R-02")])
     def test_the_label_that_is_chosen_is_in_force(
         self, two: tuple[Path, Path], capsys: pytest.CaptureFixture[str], side: str, label: str

@@ -95,6 +95,7 @@ def test_what_changed_since_it_was_looked_at_is_shown_and_not_proposed(
     assert branches(fleet) == [BRANCH]
 
 
+@pytest.mark.thorough
 def test_frames_without_a_day_keep_the_one_that_was_shown(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

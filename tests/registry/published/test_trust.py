@@ -468,6 +468,7 @@ class TestKeeper:
                 world.publish(key=name)
             assert "\n" not in str(raised.value)
 
+    @pytest.mark.thorough
     @pytest.mark.parametrize("kind", ["ed25519", "ecdsa", "rsa"])
     def test_a_key_of_any_usual_kind_serves(self, world: World, kind: str) -> None:
         world.keys[kind] = make_key(world.folder / kind, kind=kind)
