@@ -188,7 +188,7 @@ def _sources(one: CameraDecision, width: int) -> list[Text]:
                 f"{K.fy:.1f}",
                 f"{K.cx:.1f}" if estimate.measured_centre else "–",
                 f"{K.cy:.1f}" if estimate.measured_centre else "–",
-                f"{estimate.difference:+.2%}" if estimate.difference is not None else "",
+                f"{estimate.difference:+.2%}{estimate.of_what}" if estimate.difference is not None else "",
                 f"[{STANDINGS[standing]}]{standing or 'no K'}[/]",
             )
         )

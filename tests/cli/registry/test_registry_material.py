@@ -15,7 +15,7 @@ from calibrary.registry.paths import proposal_path
 from calibrary.validation import Finding
 from tests.cli.registry.direct import put, put_bytes
 from tests.cli.registry.fleets import CAMERA, P4R, commit_of, held, looked_at, printed, run, xml
-from tests.jobs.fleet.test_known import LISTED, ODD, entry
+from tests.jobs.survey.test_known import LISTED, ODD, entry
 from tests.registry.entries import an_entry
 
 REFERENCES: dict[str, tuple[Entry, tuple[Entry, ...], str]] = {

@@ -11,14 +11,19 @@ import pytest
 
 from calibrary import Calibration, CameraKey, open_registry, write
 from calibrary.arguments import Stated
-from calibrary.calibration import Quality
+from calibrary.calibration import Grade, Intrinsics, Provenance, Quality
 from calibrary.distortion import BrownConrady
+from calibrary.evidence.metadata import ImageMetadata
+from calibrary.evidence.readings import readings
 from calibrary.jobs.audit.report import Rule
 from calibrary.jobs.fleet import create_registry
 from calibrary.jobs.onboard.estimates import Serves
 from calibrary.jobs.onboard.run import Onboarding
 from calibrary.jobs.resolve import resolve
 from calibrary.jobs.resolve.run import FleetAnswer
+from calibrary.jobs.survey import Claim, Who
+from calibrary.jobs.survey.placing import placed
+from calibrary.jobs.survey.relating import gap, is_by_whole
 from calibrary.quality import Covariance
 from calibrary.records import replace
 from calibrary.registry.entry_yaml import entry_yaml
@@ -205,3 +210,25 @@ def test_onboard_proposes_the_k_that_was_measured_on_the_new_frame(
     assert decided.entry.calibration.intrinsics.fx == pytest.approx(fx)
     assert decided.entry.calibration.intrinsics.image_size == size
     assert decided.decision.value != "refused", decided.reason
+
+
+def test_what_is_of_the_whole_frame_is_compared_with_a_part_as_if_that_showed_all_of_it() -> None:
+    size = CHANGES["crop 0.9"].size
+    metadata = ImageMetadata(size=size)
+    stated = Intrinsics(fx=F, fy=F, cx=FULL[0] / 2, cy=FULL[1] / 2, image_size=FULL)
+    of_file, of_tag = (
+        Calibration(
+            camera=CameraKey(),
+            intrinsics=K,
+            grade=Grade.DERIVED,
+            provenance=Provenance(kind="image-metadata"),
+        )
+        for K in (stated, stated.scaled(size))
+    )
+    cut = next(one for one in readings(stated, metadata) if one.is_cut)
+    part = placed(Claim(who=Who.FILE, name="file", calibration=of_file), cut)
+    [here] = readings(of_tag.intrinsics, metadata)
+    whole = placed(Claim(who=Who.TAG, name="tag", is_whole=True, calibration=of_tag), here)
+    assert abs(whole.fx / part.fx - 1.0) > 0.09
+    assert gap(whole, part) == pytest.approx(0.0, abs=1e-3)
+    assert is_by_whole(whole, part)

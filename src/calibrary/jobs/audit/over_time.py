@@ -26,9 +26,10 @@ from msgspec.structs import asdict
 from calibrary.arrays import FloatArray
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import RegistryError
-from calibrary.jobs.audit.findings import camera_words, tolerance_of, unit_name
+from calibrary.jobs.audit.findings import Answer, camera_words, tolerance_of, unit_name
 from calibrary.jobs.audit.flights import FlightDay, Flown
-from calibrary.jobs.audit.report import Change, DatedCheck, Rule, UnitOverTime, Verification
+from calibrary.jobs.audit.report import Change, DatedCheck, Rule, UnitOverTime, Use, Verification
+from calibrary.jobs.survey.placing import Settled
 from calibrary.jobs.verify.look import MOST_IMAGES, look
 from calibrary.policy import Policy
 from calibrary.probability import chi_square_tail, normal_tails
@@ -81,7 +82,7 @@ def verify_flights(
         progress: called with (done, total, what) for each flight.
     """
     units: dict[CameraKey, list[_Sample]] = {}
-    for sample in _samples(flown, index, today):
+    for sample in _samples(flown, index, policy, today):
         units.setdefault(replace(sample.flown.key, firmware=None), []).append(sample)
     queues = [_newest_and_oldest_first(samples) for samples in units.values()]
     due = [one for turn in zip_longest(*queues) for one in turn if one is not None]
@@ -120,7 +121,7 @@ def pixel_findings(done: Verification, flown: Sequence[Flown]) -> Iterator[Findi
             yield _change_finding(names[unit.camera], unit)
 
 
-def _samples(flown: Sequence[Flown], index: RegistryIndex, today: date) -> Iterator[_Sample]:
+def _samples(flown: Sequence[Flown], index: RegistryIndex, policy: Policy, today: date) -> Iterator[_Sample]:
     """For each unit and date the flight with the most images, if these suffice and there is a K to check."""
     best: dict[tuple[CameraKey, date | None, str | None], tuple[Flown, FlightDay]] = {}
     for one in flown:
@@ -133,9 +134,19 @@ def _samples(flown: Sequence[Flown], index: RegistryIndex, today: date) -> Itera
                 best[at] = one, part
     for one, part in best.values():
         found = _registered(one, part, index, today)
-        K = found.calibration if found is not None else one.camera.calibration
+        K = _of_entry(one, found, policy) if found is not None else None
+        K, found = (K, found) if K is not None else (one.camera.calibration, None)
         if K is not None:
             yield _Sample(flown=one, part=part, K=K, found=found)
+
+
+def _of_entry(flown: Flown, found: Resolution, policy: Policy) -> Calibration | None:
+    """The entry's K of these images, be it contradicted; None if nothing tells how they came from its frame."""
+    survey = Answer(flown=flown, use=Use.USED, resolution=found).survey(policy)
+    weighed = survey.weigh(survey.claims[0]) if survey is not None else None
+    if weighed is None or not weighed.ways or weighed.settled is Settled.AMBIGUOUS:
+        return None
+    return weighed.ways[0].calibration
 
 
 def _registered(flown: Flown, part: FlightDay, index: RegistryIndex, today: date) -> Resolution | None:

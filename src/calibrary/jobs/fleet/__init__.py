@@ -373,7 +373,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         >>> calibrary.open_registry("fleet").check().is_good
         True
         """
-        from calibrary.jobs.fleet.known import contradictions
+        from calibrary.jobs.survey.known import contradictions
         from calibrary.policy_file import policy_of
         from calibrary.registry import checks
 

@@ -23,8 +23,8 @@ from calibrary.errors import CalibraryError, InputError, RegistryError
 from calibrary.evidence.identity import firmware
 from calibrary.jobs.files import choose, read_file
 from calibrary.jobs.fleet import Details
-from calibrary.jobs.fleet.known import contradictions
 from calibrary.jobs.layers.catalogue_entries import KIND, catalogue_entries
+from calibrary.jobs.survey.known import contradictions
 from calibrary.parsers.format import NOT_UNDERSTOOD
 from calibrary.parsers.imagery import read_metadata
 from calibrary.progress import log

@@ -18,7 +18,7 @@ from calibrary.arguments import Terms
 from calibrary.errors import CalibraryError, ConflictError, InputError, RegistryError
 from calibrary.jobs.diff.comparison import DiffReport
 from calibrary.jobs.diff.wording import length, pixels
-from calibrary.jobs.fleet.known import BY_LAST_APPROVED, contradictions
+from calibrary.jobs.survey.known import BY_LAST_APPROVED, contradictions
 from calibrary.policy import Policy
 from calibrary.records import Json, replace, to_json
 from calibrary.registry.entry import Entry

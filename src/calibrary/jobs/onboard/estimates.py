@@ -26,7 +26,7 @@ from calibrary.jobs.onboard.report import Agreement, Estimate, ImageSolve, Kind,
 from calibrary.jobs.survey import Against, Claim, Survey, Weighed, Who, of_entry, of_file, of_images
 from calibrary.jobs.survey.limits import EXIF, known_tolerance
 from calibrary.jobs.survey.placing import Placed, Settled
-from calibrary.jobs.survey.relating import gap, limit_between
+from calibrary.jobs.survey.relating import gap, is_by_whole, limit_between
 from calibrary.jobs.survey.words import CONTRADICTED, edited
 from calibrary.policy import Policy
 from calibrary.records import replace
@@ -211,7 +211,7 @@ def _compared(
 ) -> Estimate:
     K, other = _placed(first), _placed(one)
     if _is_start(other.claim):
-        return replace(one, difference=gap(other, K))
+        return replace(one, difference=gap(other, K), is_by_whole=is_by_whole(other, K))
     agreement = Agreement.AGREES
     if any(said.one is other for said in weighed.against):
         agreement = Agreement.DIFFERS if _may_have_moved(other, K, policy) else Agreement.DISAGREES
@@ -221,6 +221,7 @@ def _compared(
     return replace(
         one,
         difference=gap(other, K),
+        is_by_whole=is_by_whole(other, K),
         limit=limit_between(K.claim, other.claim) or known_tolerance(policy),
         agreement=agreement,
         agrees=agreement is Agreement.AGREES,

@@ -143,7 +143,9 @@ def _estimates(one: CameraDecision) -> Iterator[Block]:
                 f"{K.fy:.2f}",
                 f"{K.cx:.2f}" if estimate.measured_centre else "–",
                 f"{K.cy:.2f}" if estimate.measured_centre else "–",
-                _percent(estimate.difference) if estimate.difference is not None else "–",
+                f"{_percent(estimate.difference)}{estimate.of_what}"
+                if estimate.difference is not None
+                else "–",
                 Badge(standing, STANDINGS[standing]) if standing is not None else "–",
             )
         )

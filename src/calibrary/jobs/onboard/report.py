@@ -86,6 +86,7 @@ class Estimate(Record):
         chosen: whether its K is proposed.
         disputed: whether it would be proposed if another estimate did not contradict it.
         difference: relative difference from the chosen estimate: of fx or fy, or of the principal point over the width.
+        is_by_whole: whether that is of the whole frame, as the source is, and the images show a part of it.
         limit: of the difference, as a fraction of fx.
         agrees: whether the difference is irrelevant; None for the chosen estimate, and for a file for a start only.
         agreement: in a word: agrees; differs by an amount relevant to a map but within the limit for two cameras of one
@@ -97,7 +98,7 @@ class Estimate(Record):
         rank: sort key, best first, of estimates that may become the entry; None for those that must not.
     """
 
-    _unwritten = frozenset({"is_copy", "placed", "calibration", "rank"})
+    _unwritten = frozenset({"is_by_whole", "is_copy", "placed", "calibration", "rank"})
 
     kind: Kind
     name: str
@@ -107,6 +108,7 @@ class Estimate(Record):
     chosen: bool = False
     disputed: bool = False
     difference: float | None = None
+    is_by_whole: bool = False
     limit: float = 0.0
     agrees: bool | None = None
     agreement: Agreement | None = None
@@ -115,6 +117,11 @@ class Estimate(Record):
     placed: Placed | None = None
     calibration: Calibration | None = None
     rank: tuple[int, ...] | None = None
+
+    @property
+    def of_what(self) -> str:
+        """Of what the difference is, in words; empty if it is of the images."""
+        return " of the whole frame" if self.is_by_whole else ""
 
     @property
     def standing(self) -> str | None:

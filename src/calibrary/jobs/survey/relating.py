@@ -70,9 +70,13 @@ def limit_between(one: Claim, other: Claim) -> float:
 
 
 def gap(one: Placed, K: Placed) -> float:
-    """Largest relative difference of the focal lengths, and where both measured it of the centre over the width."""
+    """Largest relative difference of the focal lengths, and where both measured it of the centre over the width.
+
+    What is of the whole frame is compared with K as if the image showed all of it.
+    """
     a, b = one.calibration.intrinsics, K.calibration.intrinsics
-    apart = [a.fx / b.fx - 1.0, a.fy / b.fy - 1.0]
+    ratio = _seen_by(one, K) / _seen_by(K, one)
+    apart = [ratio - 1.0, ratio * (a.fy / a.fx) / (b.fy / b.fx) - 1.0]
     if one.claim.is_measured and K.claim.is_measured:
         apart += [(a.cx - b.cx) / b.image_size[0], (a.cy - b.cy) / b.image_size[0]]
     return max(apart, key=abs)
@@ -104,9 +108,16 @@ def _apart(one: Placed, K: Placed) -> float:
     return abs(a - b) / (a if by is one else b)
 
 
+def is_by_whole(one: Placed, K: Placed) -> bool:
+    """Whether two claims are compared as if the image showed the whole frame: one is of that, the other of a part."""
+    return any(
+        a.claim.is_whole and not b.claim.is_whole and b.reading.is_cut for a, b in ((one, K), (K, one))
+    )
+
+
 def _seen_by(one: Placed, other: Placed) -> float:
     """Its focal length; where the other is of the whole frame, as if the image showed all of it."""
-    if other.claim.is_whole and not one.claim.is_whole and one.reading.is_cut:
+    if is_by_whole(one, other) and not one.claim.is_whole:
         stated = one.claim.calibration.intrinsics
         return stated.fx * one.calibration.intrinsics.image_size[0] / stated.image_size[0]
     return one.fx

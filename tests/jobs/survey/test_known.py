@@ -8,7 +8,7 @@ import pytest
 
 from calibrary.calibration import CameraKey, Grade
 from calibrary.catalogue import load_catalogue
-from calibrary.jobs.fleet.known import CONTRADICTIONS, contradictions
+from calibrary.jobs.survey.known import CONTRADICTIONS, contradictions
 from calibrary.policy import FLEET
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Sensor, Status
