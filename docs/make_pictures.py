@@ -37,7 +37,7 @@ from calibrary.jobs.demo.flight import write_flight
 from calibrary.jobs.desk import desk
 from calibrary.jobs.diff.comparison import compare
 from calibrary.jobs.diff.page import comparison_page
-from calibrary.jobs.extract.outputs import plan
+from calibrary.jobs.extract.outputs import Wanted
 from calibrary.jobs.extract.report import ExtractReport
 from calibrary.jobs.extract.run import run
 from calibrary.jobs.extract.told import told
@@ -155,7 +155,7 @@ def draw(outcome: ExtractReport) -> str:
 def extract_page(outcome: ExtractReport) -> str:
     """What ``--html`` writes."""
     with TemporaryDirectory() as folder:
-        return render_page(told(plan(outcome, Path(folder) / "K_matrix.npy", None)))
+        return render_page(told(Wanted(out=Path(folder) / "K_matrix.npy").plan(outcome)))
 
 
 def board_page() -> str:

@@ -20,7 +20,7 @@ import calibrary
 import calibrary.jobs
 from calibrary.catalogue import load_catalogue
 from calibrary.cli.main import EPILOG, build_parser, leaves
-from calibrary.jobs.extract.hand_off import TARGETS
+from calibrary.jobs.extract.targets import TARGETS
 from calibrary.known_camera import KnownCamera
 from calibrary.policy import POLICIES, Policy
 from calibrary.records import fields_json

@@ -25,6 +25,7 @@ KEY = "--make DJI --model FC6310R"
 COMMANDS: dict[str, int] = {
     "registry init new/fleet": 0,
     "extract survey --output-matrix new/k/K_matrix.npy --html new/p/survey.html": 1,
+    "extract survey --to odm --task new/task --output-matrix new/odm/K_matrix.npy": 1,
     "extract survey --dry-run --policy source": 1,
     "check survey/a.jpg camera.xml": 1,
     "undistort small.png --calibration small.txt --out new/flat": 0,

@@ -114,7 +114,7 @@ class TestExitCodes:
         assert extract("--recursive", "--to", "opensfm") == 1
         printed = " ".join(capsys.readouterr().out.split())
         assert "nothing is handed to opensfm" in printed
-        assert "folder of its own" in printed
+        assert "--task DIR makes a folder in which they differ" in printed
         assert "2 cameras, judged by the fleet policy: 2 valid" in printed
         assert [name for name in left_in(tmp_path) if name.endswith(".npy")] != []
         assert extract("--recursive", "--to", "colmap") == 0
@@ -231,8 +231,8 @@ class TestStreams:
         picture(tmp_path / "input/b.jpg", **NOBODY)
         assert extract("--to", "colmap") == 1
         printed = " ".join(capsys.readouterr().out.split())
-        assert "not handed to colmap" in printed
-        assert "example-one-5472x3648" in printed
+        assert "example-one-5472x3648 1 none" in printed
+        assert "unproven; --include-unproven hands it on as a start" in printed
         assert "example" not in (tmp_path / "colmap.sh").read_text()
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from calibrary.cli.main import main
-from calibrary.jobs.extract.hand_off import TARGETS
+from calibrary.jobs.extract.targets import TARGETS
 from tests.conftest import Flight
 
 PAGE = Path(__file__).parents[2] / "docs/how-to/index.md"

@@ -14,11 +14,10 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, Route, sync_playwright
 
 from calibrary.cli.main import main
-from calibrary.jobs.extract.outputs import plan
 from calibrary.jobs.extract.told import told
 from calibrary.pages import render_page
 from tests.house.project import ROOT
-from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, picture
+from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, picture, plan
 from tests.pages.gallery import gallery
 from tests.registry.git.repositories import seclude
 

@@ -45,7 +45,7 @@ GROUPS = {
     "limits that K is checked against": ("policy", "verify"),
     "what is known of the cameras": ("sensor", "registry", "locked"),
     "what is written": (
-        *("to", "database", "task", "copy_images", "drop_distortion"),
+        *("to", "database", "task", "copy_images", "drop_distortion", "include_unproven"),
         *("html", "list_images", "dry_run"),
     ),
     SOURCE_DOCUMENT: (
@@ -135,7 +135,7 @@ def _check_flags(arguments: argparse.Namespace) -> None:
     check_table_flag(arguments, name="image_table")
     if arguments.table == arguments.image_table == "-":
         arguments.parser.error("--table and --image-table are two tables: one of them into a file")
-    if arguments.images and arguments.image_dir is not None:
+    if arguments.images and arguments.image_dir:
         arguments.parser.error("DIR and --image-dir are the same; give one of them")
 
 

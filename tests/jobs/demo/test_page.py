@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from calibrary.jobs.demo.flight import DemoImage
-from calibrary.jobs.extract.outputs import plan
 from calibrary.jobs.extract.run import run
 from calibrary.jobs.extract.told import told
 from calibrary.pages import render_page
+from tests.jobs.extract.fleet import plan
 
 
 def test_nothing_private_is_in_the_page(flight: tuple[Path, list[DemoImage]], tmp_path: Path) -> None:

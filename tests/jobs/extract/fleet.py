@@ -10,10 +10,12 @@ import numpy as np
 
 from calibrary.catalogue import Catalogue
 from calibrary.evidence.metadata import ImageMetadata
+from calibrary.jobs.extract import Program
 from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, group_cameras
 from calibrary.jobs.extract.extraction import JudgedCamera
 from calibrary.jobs.extract.judging import judge, judge_image
 from calibrary.jobs.extract.knowledge import Knowledge
+from calibrary.jobs.extract.outputs import Wanted
 from calibrary.jobs.extract.report import ExtractReport
 from calibrary.jobs.extract.run import run
 from calibrary.jobs.images.accumulator import undated
@@ -50,6 +52,11 @@ def picture(
 def gate(directory: Path, **request: Any) -> ExtractReport:
     """The gate's outcome for a folder."""
     return run(directory, **request)
+
+
+def plan(found: ExtractReport, out: Path, to: Program | None = None, **wanted: Any) -> ExtractReport:
+    """The report with the files that would be written."""
+    return Wanted(out=out, to=to, **wanted).plan(found)
 
 
 def only(outcome: ExtractReport) -> JudgedCamera:

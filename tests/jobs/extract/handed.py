@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,8 @@ from calibrary.distortion import (
 )
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.extract import Program
-from calibrary.jobs.extract.hand_off import HandedCamera, hand_off
+from calibrary.jobs.extract.hand_off import hand_off
+from calibrary.jobs.extract.targets import Candidate, Files
 from calibrary.jobs.use import Allowed, Use
 from calibrary.records import replace
 
@@ -51,10 +53,10 @@ def candidate(
     slug: str = "dji-fc6310r",
     allowed: Allowed = UNKNOWN,
     **told: Any,
-) -> HandedCamera:
+) -> Candidate:
     """A camera of the run; ``told`` is what its images say beyond make, Model and frame."""
     base = ImageMetadata(size=SIZE, make="DJI", model="FC6310R", focal_35mm=24.0, has_exif=True)
-    return HandedCamera(
+    return Candidate(
         slug=slug,
         calibration=calibration,
         allowed=allowed,
@@ -69,8 +71,14 @@ def assert_same_px(seen: Any, calibration: Calibration) -> None:
     assert np.abs(np.asarray(seen) - expected).max() <= 1e-9
 
 
-def document(solver: Program, *cameras: HandedCamera) -> Json:
-    [content] = hand_off(solver, cameras).values()
+def files_of(solver: Program, *cameras: Candidate) -> Files:
+    """What is written for a program beside K, by name."""
+    plan = hand_off(solver, cameras, root=Path("flight"), folder=Path("out"))
+    return {path.name: content for path, content in plan.files.items()}
+
+
+def document(solver: Program, *cameras: Candidate) -> Json:
+    [content] = files_of(solver, *cameras).values()
     parsed: Json = json.loads(content)
     return parsed
 

@@ -11,10 +11,9 @@ import pytest
 from calibrary.cli.main import main
 from calibrary.distortion import BrownConrady
 from calibrary.jobs.extract.extraction import JudgedCamera
-from calibrary.jobs.extract.outputs import plan
 from calibrary.policy import FLEET, SOURCE, Policy
 from calibrary.validation import Verdict
-from tests.jobs.extract.fleet import DEWARP, P4R, entry, files, gate, only, picture
+from tests.jobs.extract.fleet import DEWARP, P4R, entry, files, gate, only, picture, plan
 
 DERIVED = 8.8 / 0.0024
 CASES: list[tuple[str, float, dict[str, Any], Policy, float, str]] = [

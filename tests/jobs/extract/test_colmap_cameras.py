@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from calibrary.cli.main import main
-from calibrary.jobs.extract.hand_off import RESTORE
+from calibrary.jobs.extract.targets import RESTORE
 from tests.jobs.extract.fleet import DEWARP, P4R, picture
 
 pycolmap = pytest.importorskip("pycolmap")

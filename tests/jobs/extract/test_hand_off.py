@@ -21,15 +21,15 @@ from calibrary.distortion import (
     NoDistortion,
     ThinPrism,
 )
-from calibrary.errors import UnsupportedModelError
+from calibrary.errors import InputError, UnsupportedModelError
 from calibrary.evidence.metadata import FocalPlaneUnit
 from calibrary.jobs.extract import Program
-from calibrary.jobs.extract.hand_off import TARGETS, hand_off, nearest, seed_command
-from calibrary.jobs.extract.outputs import plan
+from calibrary.jobs.extract.hand_off import nearest
+from calibrary.jobs.extract.targets import TARGETS, seed_command
 from calibrary.jobs.use import Use
 from calibrary.records import replace
 from tests.imagery import ExifTags, Namespace, XmpDescription, XmpPacket, attributes, write_jpeg
-from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, picture
+from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, picture, plan
 from tests.jobs.extract.handed import (
     BROWN,
     BROWN_5,
@@ -42,6 +42,7 @@ from tests.jobs.extract.handed import (
     calibrated,
     candidate,
     document,
+    files_of,
     opensfm_sees,
 )
 
@@ -80,7 +81,7 @@ class TestColmap:
     )
     def test_what_it_has_no_model_for_is_refused(self, calibration: Calibration) -> None:
         with pytest.raises(UnsupportedModelError, match="COLMAP"):
-            hand_off("colmap", [candidate(calibration)])
+            files_of("colmap", candidate(calibration))
 
     def test_every_camera_is_a_run_of_its_own_over_its_own_images(self, tmp_path: Path) -> None:
         cameras = [
@@ -88,8 +89,9 @@ class TestColmap:
             candidate(calibrated(None), slug="two"),
             candidate(slug="none"),
         ]
-        calls = self.calls_of(tmp_path, hand_off("colmap", cameras))
-        assert [call["--image_list_path"] for call in calls] == ["colmap.dji-fc6310r.txt", "colmap.two.txt"]
+        calls = self.calls_of(tmp_path, files_of("colmap", *cameras))
+        lists = ["./colmap.dji-fc6310r.txt", "./colmap.two.txt"]
+        assert [call["--image_list_path"] for call in calls] == lists
         assert all(call["--ImageReader.single_camera"] == "1" for call in calls)
         assert all(call["--image_path"] == "my images" for call in calls)
         assert [call["--ImageReader.camera_model"] for call in calls] == ["OPENCV", "OPENCV"]
@@ -106,7 +108,7 @@ class TestColmap:
     def test_no_name_from_a_tag_is_run_as_a_command(self, tmp_path: Path) -> None:
         key = CameraKey(make="$(touch pwned)", model="`touch pwned`; touch pwned")
         hostile = replace(calibrated(BROWN), camera=key)
-        calls = self.calls_of(tmp_path, hand_off("colmap", [candidate(hostile)]))
+        calls = self.calls_of(tmp_path, files_of("colmap", candidate(hostile)))
         assert len(calls) == 1
         assert not (tmp_path / "pwned").exists()
 
@@ -148,7 +150,7 @@ class TestOpenSfm:
     )
     def test_what_it_has_no_model_for_is_refused(self, calibration: Calibration) -> None:
         with pytest.raises(UnsupportedModelError, match="OpenSfM"):
-            hand_off("opensfm", [candidate(calibration)])
+            files_of("opensfm", candidate(calibration))
 
     def test_all_is_said_only_where_there_is_no_other_camera(self) -> None:
         alone = document("opensfm", candidate(calibrated(BROWN)))
@@ -197,7 +199,7 @@ class TestOpenSfm:
             candidate(None if rejected else calibrated(None), slug="dji-fc6310r-sn-222222"),
             names=("101/z.jpg",),
         )
-        files = hand_off("opensfm", [candidate(calibrated(BROWN)), two])
+        files = files_of("opensfm", candidate(calibrated(BROWN)), two)
         models = json.loads(files["camera_models_overrides.json"])
         images = json.loads(files["exif_overrides.json"])
         assert set(models) == {"dji-fc6310r"} | (set() if rejected else {two.slug})
@@ -206,13 +208,11 @@ class TestOpenSfm:
             "b c.jpg": {"camera": "dji-fc6310r"},
             "z.jpg": {"camera": "dji-fc6310r-sn-222222"},
         }
-        [note] = TARGETS["opensfm"].notes(files)
-        assert "exif_overrides.json" in note
 
     def test_images_of_one_name_in_two_folders_are_refused(self) -> None:
         two = replace(candidate(calibrated(None), slug="two"), names=("101/a.jpg",))
-        with pytest.raises(UnsupportedModelError, match="folder of its own"):
-            hand_off("opensfm", [candidate(calibrated(BROWN)), two])
+        with pytest.raises(InputError, match="--task DIR"):
+            files_of("opensfm", candidate(calibrated(BROWN)), two)
 
     def test_exif_that_only_gdal_reads_makes_an_unknown_camera(self) -> None:
         cameras = (candidate(calibrated(BROWN), exif_in_text=True), candidate(slug="other", model="Other"))
@@ -270,7 +270,7 @@ def test_its_files_have_the_k_of_a_lens_that_it_holds_and_names_of_its_patterns(
         one = held.calibration
         moved = np.abs(one.project(POINTS) - given.project(POINTS)).max()
         assert moved <= (held.fit.max_px if held.fit is not None else 0.0)
-        files = hand_off(solver, [candidate(one)])
+        files = files_of(solver, candidate(one))
         named = {pattern for name in files for pattern in TARGETS[solver].reads if fnmatchcase(name, pattern)}
         assert named, f"{solver} reads {TARGETS[solver].reads}, and gets {[*files]}"
         assert states_focal(b"".join(files.values()).decode())
@@ -286,8 +286,8 @@ def test_what_is_too_far_off_even_for_a_start_is_refused_without_advice_that_ext
 
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_where_no_k_may_be_used_nothing_is_written(solver: Program) -> None:
-    assert hand_off(solver, [candidate(), candidate(slug="two")]) == {}
-    assert hand_off(solver, []) == {}
+    assert files_of(solver, candidate(), candidate(slug="two")) == {}
+    assert files_of(solver) == {}
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
@@ -297,19 +297,30 @@ def test_a_run_hands_over_valid_ks_only_and_names_the_others(tmp_path: Path, sol
     picture(flight / "unproven.jpg", **NOBODY)
     picture(flight / "rejected.jpg", (4000, 3000))
     found = gate(flight)
-    outputs = plan(found, tmp_path / "K.npy", solver).outputs
-    written = "".join(
-        content.decode() for path, content in outputs.files.items() if not re.match(r"K[._]", path.name)
-    )
-    assert set(outputs.not_handed_over) >= {"example-one-5472x3648", "unknown-camera-4000x3000"}
-    [K] = [one.calibration for one in found.judged if one.slug == "dji-fc6310r-5472x3648"]
-    assert K is not None
-    assert "dji-fc6310r-5472x3648" not in outputs.not_handed_over
+    report = plan(found, tmp_path / "K.npy", solver)
+    assert report.hand_off is not None
+    written = "".join(content.decode() for content in report.hand_off.files.values())
+    said = {one.camera: (one.into is not None, one.why) for one in report.hand_off.cameras}
+    assert said["example-one-5472x3648"] == (False, "unproven; --include-unproven hands it on as a start")
+    assert said["unknown-camera-4000x3000"] == (False, "it has no K")
+    assert said["dji-fc6310r-5472x3648"][0]
     assert states_focal(written)
     assert "5472.0" not in written
     assert "unproven.jpg" not in written
     assert "4000" not in written
-    assert tmp_path / "K_unproven.example-one-5472x3648.npy" in outputs.files
+    assert tmp_path / "K_unproven.example-one-5472x3648.npy" in report.outputs.files
+
+
+def test_an_unproven_k_is_handed_on_as_a_start_where_it_is_asked_for(tmp_path: Path) -> None:
+    picture(tmp_path / "flight/a.jpg", **NOBODY)
+    plans = [
+        plan(gate(tmp_path / "flight"), tmp_path / "K.npy", "odm", include_unproven=asked).hand_off
+        for asked in (False, True)
+    ]
+    assert [bool(one.files) for one in plans if one is not None] == [False, True]
+    [row] = plans[1].cameras if plans[1] is not None else ()
+    assert row.use is Use.START
+    assert "its K is unproven, and was asked for" in row.why
 
 
 def test_a_camera_the_solver_has_no_model_for_is_left_out_and_does_not_keep_the_others_back(
@@ -324,11 +335,12 @@ def test_a_camera_the_solver_has_no_model_for_is_left_out_and_does_not_keep_the_
         "distortion_coefficients: {rows: 1, cols: 4, data: [0.01, 0, 0, 0]}\n"
     )
     report = plan(gate(flight), tmp_path / "K.npy", "pix4d")
-    outputs = report.outputs
-    assert "no counterpart" in outputs.not_handed_over["unknown-camera-4000x3000"]
-    assert tmp_path / "dji-fc6310r-5472x3648.pix4d.cam" in outputs.files
-    assert any("not handed to pix4d" in warning for warning in report.warnings)
-    assert b"not handed to pix4d" in outputs.files[tmp_path / "K.json"]
+    assert report.hand_off is not None
+    [dome] = [one for one in report.hand_off.cameras if one.camera == "unknown-camera-4000x3000"]
+    assert dome.into is None
+    assert "no counterpart" in dome.why
+    assert tmp_path / "dji-fc6310r-5472x3648.pix4d.cam" in report.outputs.files
+    assert b"no counterpart" in report.outputs.files[tmp_path / "K.json"]
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
@@ -350,16 +362,16 @@ def test_a_fisheye_that_its_maker_calibrated_is_handed_to_every_program_with_the
     )
     write_jpeg(tmp_path / "flight" / "nir.jpg", (1280, 960), exif=tags, xmp=XmpPacket(descriptions=(camera,)))
     found = gate(tmp_path / "flight")
-    outputs = plan(found, tmp_path / "K.npy", solver).outputs
+    handed = plan(found, tmp_path / "K.npy", solver).hand_off
     [K] = [one.calibration for one in found.judged]
     assert K is not None
     assert isinstance(K.distortion, FisheyePolynomial)
-    assert outputs.not_handed_over == {}
+    assert handed is not None
+    assert all(one.into for one in handed.cameras)
     held = nearest(solver, K)
     assert held.fit is not None
     assert held.fit.max_px < 0.6
-    assert (held.note is None) == (held.fit.max_px <= 0.05)
-    assert held.note is None or any(held.note in one for one in outputs.hand_off_notes)
+    assert held.fit.exact or str(held) in handed.cameras[0].why
 
 
 def test_a_k_that_is_farther_off_than_it_is_known_to_is_not_kept_fixed() -> None:

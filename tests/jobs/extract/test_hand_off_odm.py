@@ -17,7 +17,6 @@ from calibrary.distortion import (
 )
 from calibrary.errors import UnsupportedModelError
 from calibrary.jobs.extract import Program
-from calibrary.jobs.extract.hand_off import TARGETS, hand_off
 from calibrary.records import replace
 from tests.jobs.extract.handed import (
     BROWN,
@@ -30,6 +29,7 @@ from tests.jobs.extract.handed import (
     calibrated,
     candidate,
     document,
+    files_of,
     opensfm_sees,
 )
 
@@ -65,20 +65,18 @@ class TestOdm:
 
     def test_cameras_that_differ_in_their_lens_alone_are_one_to_odm(self) -> None:
         two = candidate(calibrated(None), slug="two", lens="XT 24")
-        files = hand_off("odm", [candidate(calibrated(BROWN), lens="XT 35"), two])
+        files = files_of("odm", candidate(calibrated(BROWN), lens="XT 35"), two)
         assert set(files) == {"cameras.dji-fc6310r.json", "cameras.two.json"}
 
     def test_a_coefficient_it_would_drop_is_refused(self) -> None:
         with pytest.raises(UnsupportedModelError, match="k4"):
-            hand_off("odm", [candidate(calibrated(FISHEYE))])
+            files_of("odm", candidate(calibrated(FISHEYE)))
 
     def test_two_cameras_of_one_name_have_a_file_each_for_a_run_of_their_own(self) -> None:
-        files = hand_off("odm", [candidate(calibrated(BROWN)), candidate(calibrated(None), slug="two")])
+        files = files_of("odm", candidate(calibrated(BROWN)), candidate(calibrated(None), slug="two"))
         assert set(files) == {"cameras.dji-fc6310r.json", "cameras.two.json"}
         for content in files.values():
             assert "dji fc6310r 5472 3648 brown 0.6666" in json.loads(content)
-        [note] = TARGETS["odm"].notes(files)
-        assert "--cameras" in note
 
 
 class TestOpenCv:
@@ -87,7 +85,7 @@ class TestOpenCv:
         self, tmp_path: Path, distortion: Distortion
     ) -> None:
         calibration = calibrated(distortion)
-        [(name, content)] = hand_off("opencv", [candidate(calibration)]).items()
+        [(name, content)] = files_of("opencv", candidate(calibration)).items()
         (tmp_path / name).write_bytes(content)
         storage = cv2.FileStorage(str(tmp_path / name), cv2.FILE_STORAGE_READ)
         K = storage.getNode("camera_matrix").mat()
@@ -105,14 +103,14 @@ class TestOpenCv:
             candidate(calibrated(None), slug="two"),
             candidate(slug="none"),
         ]
-        assert set(hand_off("opencv", cameras)) == {"dji-fc6310r.opencv.yml", "two.opencv.yml"}
+        assert set(files_of("opencv", *cameras)) == {"dji-fc6310r.opencv.yml", "two.opencv.yml"}
 
 
 class TestTheOthers:
     @pytest.mark.parametrize("solver", ["metashape", "pix4d"])
     def test_each_camera_has_a_file_that_reads_back(self, tmp_path: Path, solver: Program) -> None:
         square = replace(calibrated(BROWN_5), intrinsics=replace(calibrated(BROWN_5).intrinsics, fy=3660.5))
-        [(name, content)] = hand_off(solver, [candidate(square)]).items()
+        [(name, content)] = files_of(solver, candidate(square)).items()
         (tmp_path / name).write_bytes(content)
         back = calibrary.read(tmp_path / name, image_size=SIZE)
         assert_same_px(back.project(POINTS), square)
@@ -120,7 +118,7 @@ class TestTheOthers:
     def test_realityscan_has_a_row_for_each_image(self, tmp_path: Path) -> None:
         radial = BrownConrady(k1=-0.031, k2=0.012, p1=0.0, p2=0.0, k3=0.001)
         square = replace(calibrated(radial), intrinsics=replace(calibrated(radial).intrinsics, fy=3660.5))
-        [(name, content)] = hand_off("realityscan", [candidate(square)]).items()
+        [(name, content)] = files_of("realityscan", candidate(square)).items()
         (tmp_path / name).write_bytes(content)
         assert [row.split(",")[0] for row in content.decode().splitlines()[1:]] == ["a.jpg", "b c.jpg"]
         for back in calibrary.read_all(tmp_path / name, image_size=SIZE):

@@ -15,10 +15,9 @@ from calibrary.calibration import CameraKey
 from calibrary.errors import InputError
 from calibrary.jobs.extract import Program
 from calibrary.jobs.extract.extraction import slugs
-from calibrary.jobs.extract.outputs import plan
 from calibrary.jobs.extract.report import ExtractReport, Outputs
 from calibrary.schemas import require
-from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, matrix, picture
+from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, matrix, picture, plan
 
 
 def planned(

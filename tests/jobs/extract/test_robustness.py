@@ -342,9 +342,8 @@ class TestOutputs:
         picture(tmp_path / "im" / "a.jpg", focal_mm=(24, 1))
         code, report, _ = extract("--to", "colmap")
         assert code == 1
-        left, handed = report["warnings"]
-        assert left == "K_matrix.npy, colmap.sh are left from an earlier run; remove them"
-        assert handed.startswith("dji-fc6310-5472x3648 is not handed to colmap")
+        assert report["warnings"] == ["K_matrix.npy, colmap.sh are left from an earlier run; remove them"]
+        assert report["hand_off"]["cameras"][0]["into"] is None
 
     def test_a_place_that_is_none_is_told_before_anything_is_read(
         self, tmp_path: Path, extract: Extract

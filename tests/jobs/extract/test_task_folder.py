@@ -13,8 +13,9 @@ import calibrary
 from calibrary import FLEET
 from calibrary.errors import InputError
 from calibrary.jobs.extract import Program
-from calibrary.jobs.extract.hand_off import HandedCamera, _flat_names, lay_out, task_folder
+from calibrary.jobs.extract.hand_off import _flat_names, hand_off, lay_out
 from calibrary.jobs.extract.outputs import check_task_place
+from calibrary.jobs.extract.targets import Candidate
 from calibrary.records import replace
 from tests.jobs.extract.fleet import DEWARP, P4R, picture
 from tests.jobs.extract.handed import BROWN, FIXED, calibrated, candidate
@@ -96,12 +97,12 @@ def test_opensfm_finds_its_files_by_their_names(flight: Path, tmp_path: Path) ->
 def test_of_cameras_that_opensfm_calls_alike_each_image_in_the_task_names_its_own(tmp_path: Path) -> None:
     names = [("1/a.jpg",), ("2/a.jpg",)]
     cameras = [
-        HandedCamera(slug=slug, calibration=calibrated(lens), states=candidate().states, names=images)
+        Candidate(slug=slug, calibration=calibrated(lens), states=candidate().states, names=images)
         for slug, lens, images in zip(("one", "two"), (BROWN, None), names, strict=True)
     ]
     for (name,) in names:
         picture(tmp_path / "flight" / name)
-    task = task_folder("opensfm", cameras, tmp_path / "flight", tmp_path / "survey")
+    task = hand_off("opensfm", cameras, root=tmp_path / "flight", folder=tmp_path, task=tmp_path / "survey")
     images = json.loads(task.files[tmp_path / "survey/exif_overrides.json"])
     assert images == {"1_a.jpg": {"camera": "one"}, "2_a.jpg": {"camera": "two"}}
     assert {path.name for path in task.images} == set(images)
@@ -112,11 +113,11 @@ def test_of_cameras_that_opensfm_calls_alike_each_image_in_the_task_names_its_ow
 def test_cameras_that_odm_calls_alike_have_a_folder_each(tmp_path: Path) -> None:
     cameras = [
         candidate(calibrated(BROWN), allowed=FIXED),
-        HandedCamera(slug="two", calibration=calibrated(None), states=candidate().states, names=("z.jpg",)),
+        Candidate(slug="two", calibration=calibrated(None), states=candidate().states, names=("z.jpg",)),
     ]
     for name in (*cameras[0].names, "z.jpg"):
         picture(tmp_path / "flight" / name)
-    task = task_folder("odm", cameras, tmp_path / "flight", tmp_path / "survey")
+    task = hand_off("odm", cameras, root=tmp_path / "flight", folder=tmp_path, task=tmp_path / "survey")
     assert {str(path.relative_to(tmp_path / "survey")) for path in task.images} == {
         *("dji-fc6310r/images/a.jpg", "dji-fc6310r/images/b c.jpg", "two/images/z.jpg"),
     }
@@ -127,33 +128,38 @@ def test_cameras_that_odm_calls_alike_have_a_folder_each(tmp_path: Path) -> None
         "dji-fc6310r": True,
         "two": False,
     }
-    assert any("a folder of its own" in note for note in task.notes)
+    assert [one.why.partition(";")[0] for one in task.cameras] == [
+        "alone, for ODM does not tell it from two",
+        "alone, for ODM does not tell it from dji-fc6310r",
+    ]
 
 
 def test_an_image_that_odm_does_not_read_is_left_out_with_a_note(tmp_path: Path) -> None:
-    camera = HandedCamera(
+    camera = Candidate(
         slug="one", calibration=calibrated(BROWN), states=candidate().states, names=("a.jpg", "b.DNG")
     )
     picture(tmp_path / "a.jpg")
-    task = task_folder("odm", [camera], tmp_path, tmp_path / "survey")
+    task = hand_off("odm", [camera], root=tmp_path, folder=tmp_path, task=tmp_path / "survey")
     assert [path.name for path in task.images] == ["a.jpg"]
-    assert task.notes[-1] == "1 images are not in the task, for odm does not read .dng"
+    [row] = task.cameras
+    assert row.images == 1
+    assert row.why.endswith("1 more stay out, for odm does not read .dng")
 
 
 @pytest.mark.parametrize("name", ["s3://bucket/a.jpg", "gone.jpg"])
 def test_what_is_no_file_of_this_machine_cannot_be_in_a_task(tmp_path: Path, name: str) -> None:
-    camera = HandedCamera(slug="one", calibration=calibrated(BROWN), states=candidate().states, names=(name,))
+    camera = Candidate(slug="one", calibration=calibrated(BROWN), states=candidate().states, names=(name,))
     with pytest.raises(InputError, match="not a file of this machine"):
-        task_folder("odm", [camera], tmp_path, tmp_path / "survey")
+        hand_off("odm", [camera], root=tmp_path, folder=tmp_path, task=tmp_path / "survey")
 
 
 def test_a_task_that_cannot_be_finished_leaves_no_image_behind(tmp_path: Path) -> None:
-    camera = HandedCamera(
+    camera = Candidate(
         slug="one", calibration=calibrated(BROWN), states=candidate().states, names=("a.jpg", "b.jpg")
     )
     for name in camera.names:
         picture(tmp_path / name)
-    task = task_folder("odm", [camera], tmp_path, tmp_path / "survey")
+    task = hand_off("odm", [camera], root=tmp_path, folder=tmp_path, task=tmp_path / "survey")
     (tmp_path / "b.jpg").unlink()
     with pytest.raises(InputError, match="cannot be linked"):
         lay_out(task)

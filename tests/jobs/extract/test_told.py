@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 from calibrary.jobs.extract import told as told_module
-from calibrary.jobs.extract.outputs import plan
 from calibrary.jobs.extract.report import ExtractReport
 from calibrary.jobs.extract.told import told
 from calibrary.jobs.images.folders import SkippedFile
@@ -18,7 +17,7 @@ from calibrary.pages import render_page
 from calibrary.records import replace
 from calibrary.validation import Verdict
 from calibrary.view import Badge, Details, Link, Note, Plots, Section, Table, Tone, View, text_of
-from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, matrix, picture
+from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, matrix, picture, plan
 
 
 @pytest.fixture(scope="module")

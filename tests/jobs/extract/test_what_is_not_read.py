@@ -12,12 +12,12 @@ from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.extract.cameras import group_cameras
 from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
-from calibrary.jobs.extract.outputs import check_place, plan
+from calibrary.jobs.extract.outputs import check_place
 from calibrary.jobs.images.accumulator import undated
 from calibrary.policy import FLEET
 from calibrary.validation import Verdict
 from tests.imagery import ExifTags, write_jpeg, write_tiff
-from tests.jobs.extract.fleet import ASSUMED, DEWARP, P4R, gate, only, picture
+from tests.jobs.extract.fleet import ASSUMED, DEWARP, P4R, gate, only, picture, plan
 
 DTD = b'<!DOCTYPE x [<!ENTITY a "b">]><x:xmpmeta xmlns:x="adobe:ns:meta/"/>'
 FULL_WIDTH = str.maketrans("0123456789", "０１２３４５６７８９")

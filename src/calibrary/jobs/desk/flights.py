@@ -22,8 +22,8 @@ import msgspec
 from calibrary.errors import InputError, first_of
 from calibrary.jobs.desk.running import REPORT, desk_page, how, place_of, without_result
 from calibrary.jobs.desk.work import Job
-from calibrary.jobs.extract.hand_off import TARGETS
 from calibrary.jobs.extract.report import ExtractReport
+from calibrary.jobs.extract.targets import TARGETS
 from calibrary.jobs.extract.told import told
 from calibrary.jobs.images.observation import Image, observe
 from calibrary.jobs.images.ranged import FIRST, Ranged

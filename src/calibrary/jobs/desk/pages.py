@@ -37,7 +37,7 @@ from calibrary.jobs.desk.guard import Keys
 from calibrary.jobs.desk.review import decided, decision, proposal, queue, retirement_form
 from calibrary.jobs.desk.running import REPORT, SAME, desk_page, running
 from calibrary.jobs.desk.work import PATIENCE_S, Job, Jobs
-from calibrary.jobs.extract.hand_off import colmap_flags
+from calibrary.jobs.extract.targets import colmap_flags
 from calibrary.jobs.fleet import Fleet
 from calibrary.jobs.resolve.run import FleetAnswer, PossibleK
 from calibrary.jobs.site.camera_page import (

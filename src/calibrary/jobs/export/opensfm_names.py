@@ -14,6 +14,7 @@ Earlier releases use OpenSfM's names with ``use_exif_size`` off. ``cameras.json`
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable
 from typing import Final
 
@@ -56,18 +57,30 @@ def opensfm_names(states: Iterable[ImageMetadata], *, exif_size: bool = True) ->
     return names
 
 
+def odm_name(metadata: ImageMetadata) -> str:
+    """The name that ODM gives the camera of an image now."""
+    stated = "".join(_xmp(metadata, "ModelType")).lower()
+    projection = {"perspective": "perspective", "fisheye": "fisheye_opencv"}.get(stated, "brown")
+    return _odm_name(metadata, projection)
+
+
+def odm_band(metadata: ImageMetadata) -> str:
+    """The band that ODM takes an image for, as in its ``--primary-band``; empty for a picture in colour."""
+    band = re.sub("[^A-Za-z0-9]+", "", "".join(_xmp(metadata, "BandName")))
+    return "" if band.lower() in {"rgb", "redgreenblue"} else band
+
+
+def _xmp(metadata: ImageMetadata, name: str) -> tuple[str, ...]:
+    return next((one.values for one in metadata.xmp if (one.schema, one.name) == ("Camera", name)), ())
+
+
 def odm_names(states: Iterable[ImageMetadata]) -> set[str]:
     """All names that any release of ODM may give the camera of images."""
     names: set[str] = set()
     for stated in states:
         older = opensfm_names([stated], exif_size=False)
         names |= {name.replace(" perspective ", f" {kind} ") for name in older for kind in ODM_PROJECTIONS}
-        metadata = ImageMetadata(size=stated.size) if stated.exif_in_text else stated
-        names |= {
-            _name(metadata.make or "", metadata.model or "", metadata.size, kind, prior)
-            for kind in ODM_PROJECTIONS
-            for prior in _odm_priors(metadata)
-        }
+        names |= {_odm_name(stated, kind) for kind in ODM_PROJECTIONS}
     return names
 
 
@@ -115,10 +128,13 @@ def _opensfm_priors(metadata: ImageMetadata, size: ImageSize) -> set[float]:
     return guesses
 
 
-def _odm_priors(metadata: ImageMetadata) -> set[float]:
+def _odm_name(stated: ImageMetadata, projection: str) -> str:
+    metadata = ImageMetadata(size=stated.size) if stated.exif_in_text else stated
     if metadata.focal_35mm is not None:
-        return {metadata.focal_35mm / FILM_MM}
-    return {_over_focal_plane(metadata, metadata.size) or ODM_UNKNOWN}
+        prior = metadata.focal_35mm / FILM_MM
+    else:
+        prior = _over_focal_plane(metadata, metadata.size) or ODM_UNKNOWN
+    return _name(metadata.make or "", metadata.model or "", metadata.size, projection, prior)
 
 
 def _over_focal_plane(metadata: ImageMetadata, size: ImageSize) -> float | None:

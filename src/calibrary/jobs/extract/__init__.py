@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 __all__ = ["Program", "extract"]
 
 Program: TypeAlias = Literal["colmap", "opensfm", "odm", "opencv", "metashape", "pix4d", "realityscan", "ros"]
-"""The programs that K can be handed to; :mod:`calibrary.jobs.extract.hand_off` states how to add one."""
+"""The programs that K can be handed to; :mod:`calibrary.jobs.extract.targets` states how to add one."""
 Source: TypeAlias = Annotated[str | Path, Meta(title="DIR|URL")]
 Millimetres: TypeAlias = Annotated[float, Meta(ge=0.1, le=1000)]
 
@@ -53,6 +53,7 @@ def extract(
     database: File | None = None,
     task: Folder | None = None,
     drop_distortion: bool = False,
+    include_unproven: bool = False,
     copy_images: bool = False,
     html: File | None = None,
     list_images: bool = False,
@@ -87,12 +88,13 @@ def extract(
         fallback_k: a calibrated K (.npy) to use if the images yield none.
         out: .npy file for a valid K, and beside it the report; with several cameras, each file name contains the name
             of the camera; a K that is not valid has unproven or seed in the name.
-        to: also write the files that this program needs, for cameras with a valid K.
+        to: also write the files that this program needs, for cameras whose K it may use.
         database: with ``to`` colmap: also write the cameras into this COLMAP database, which has the images; an SQL
             file keeps the old cameras.
         task: with ``to`` odm or opensfm: make a folder that the program can process as it is, with the images as hard
             links, the cameras and the options.
         drop_distortion: with ``to``: hand a K whose distortion is unknown to a program that takes it for none, too.
+        include_unproven: with ``to``: hand an unproven K on as a start, too.
         copy_images: with ``task``: copy the images, do not link.
         html: also write the report as a page.
         list_images: name every image in the report; without it, the report of more than 10 000 images names only a few,
@@ -118,15 +120,17 @@ def extract(
     from calibrary.jobs.images.places import place_of
     from calibrary.registry.places import registries
 
-    wanted = Wanted.checked(
-        out=out,
+    wanted = Wanted(
+        out=_path(out),
         to=to,
-        database=database,
-        task=task,
+        database=_path(database),
+        task=_path(task),
         copy_images=copy_images,
         drop_distortion=drop_distortion,
-        html=html,
+        include_unproven=include_unproven,
+        html=_path(html),
     )
+    wanted.check()
     given = [images] if isinstance(images, str | Path) else images
     outcome = run(
         *(place_of(path) for path in given),
@@ -138,8 +142,8 @@ def extract(
         sensor_mm=(sensor_width_mm, sensor_height_mm),
         sensors=dict(sensor or {}),
         registry=registries(registry, needed=locked is not None),
-        lock=Path(locked) if locked is not None else None,
-        fallback_k=Path(fallback_k) if fallback_k is not None else None,
+        lock=_path(locked),
+        fallback_k=_path(fallback_k),
         strict=strict_validation,
         verify=verify,
         list_images=list_images or to is not None,
@@ -147,3 +151,7 @@ def extract(
         progress=progress,
     )
     return wanted.written(outcome, dry_run=dry_run)
+
+
+def _path(place: str | Path | None) -> Path | None:
+    return Path(place) if place is not None else None

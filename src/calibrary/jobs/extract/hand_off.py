@@ -1,161 +1,84 @@
-"""K in the form that each program needs: files and command lines, in the program's own conventions.
-
-COLMAP's origin is the outer corner of the first pixel, as in calibrary. ``PINHOLE`` is for images known to be
-free of distortion, ``OPENCV`` and ``FULL_OPENCV`` include it; an unknown distortion starts from zero in
-``OPENCV``, to be found by bundle adjustment (COLMAP's documentation of camera models). OpenSfM and ODM count
-from the image centre in units of the longer side. OpenCV's origin is the centre of the first pixel.
-
-To add a program:
-
-1. Add its name to ``Program`` in :mod:`calibrary.jobs.extract`, which makes it a word of ``--to``. Where the name
-   stands for a calibration format too (:mod:`calibrary.parsers`), it is the same.
-2. Add a row to :data:`TARGETS`, at the end of this module: :func:`_one_file_each` if the program reads one file of a
-   calibration format for each camera; else a function that makes its files by name.
-3. Run ``tests/jobs/extract/test_hand_off.py``: it makes each program's files for each lens, and names a program without
-   a row, and a row whose files are not of its patterns or have no K.
-
-``--to``, its help, completion and the manual's list (``make docs``) follow.
-"""
+"""The plan of what a program gets: which images, under which name, with which K, and which stay out and why."""
 
 from __future__ import annotations
 
 import errno
-import json
 import math
 import os
-import shlex
 import shutil
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Final, TypeAlias
+from typing import Final
 
 from msgspec import Struct
 
-from calibrary import parsers
 from calibrary.calibration import Calibration
-from calibrary.distortion import BrownConrady, Distortion, KannalaBrandt, NoDistortion
 from calibrary.errors import InputError, UnsupportedModelError
-from calibrary.evidence.metadata import ImageMetadata
-from calibrary.interop.colmap import ColmapCamera
-from calibrary.interop.colmap_database import DatabaseChange, change_of, read_database
-from calibrary.jobs.export.opensfm_names import odm_names, opensfm_names
 from calibrary.jobs.extract import Program
+from calibrary.jobs.extract.extraction import JudgedCamera
+from calibrary.jobs.extract.targets import TARGETS, UNJUDGED, Candidate, Candidates, Dataset, refinement
 from calibrary.jobs.images.places import is_url
 from calibrary.jobs.use import Allowed, Use
 from calibrary.parsers.discovery import format_named
-from calibrary.parsers.fit import DEFAULT_MAX_ERROR_PX, adapt, compare, refit
+from calibrary.parsers.fit import adapt, compare
 from calibrary.parsers.format import FREE_LENS, UNKNOWN_LENS, Fidelity, Fit, in_words
-from calibrary.parsers.opensfm_models import opensfm_camera
 from calibrary.probability import two_digits
-from calibrary.records import encoded, replace
+from calibrary.records import Record, replace
+from calibrary.validation import Verdict
 
-OPENSFM_MODELS: Final = "camera_models_overrides.json"
-OPENSFM_IMAGES: Final = "exif_overrides.json"
-REALITYSCAN_CSV: Final = "realityscan.csv"
-RESTORE: Final = "colmap.database-before.sql"
 START_ERROR: Final = 0.005
 """Largest error of a start as a fraction of the image's diagonal: what a nominal focal length is off."""
 FIXED_ERROR_PX: Final = 0.5
 """Largest error of a K that is kept fixed, that of the shipped policies."""
-READ_BY_ODM: Final = frozenset({".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp"})
-"""``context.supported_extensions``; OpenSfM reads these too."""
-ODM_SCRIPT: Final = """\
-#!/bin/sh
-# usage: sh odm.sh [more options of ODM]
-set -eu
-here=$(cd "$(dirname "$0")" && pwd)
-name=$(basename "$here")
-exec docker run --rm -v "$(dirname "$here"):/datasets" opendronemap/odm \\
-  --project-path /datasets "$name" --cameras "/datasets/$name/cameras.json"{fixed} "$@"
-"""
-
-Files: TypeAlias = Mapping[str, bytes]
-"""Content by file name."""
+READ_BY_SOLVERS: Final = frozenset({".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp"})
+"""``context.supported_extensions`` of ODM; OpenSfM reads these too."""
 
 
-UNJUDGED: Final = Allowed(use=Use.START, why="how well it is known was not judged")
-
-
-class HandedCamera(Struct, frozen=True, kw_only=True):
-    """One camera of the run, as needed for a program.
+class HandedCamera(Record):
+    """What a program gets of one camera.
 
     Attributes:
-        slug: its name in file names.
-        calibration: its K, None without a usable one.
-        allowed: what the program may do with it.
-        states: metadata of its images; some programs derive a camera's name from EXIF.
-        names: its images, relative to the image directory.
+        camera: its ``id`` in the report.
+        images: number of its images.
+        use: what the program may do with its K; ``none`` if it does not get it.
+        into: file or folder that it is in; None if it stays out.
+        name: name that the program gives it, if it names cameras.
+        why: why it may be used so, or stays out.
     """
 
-    slug: str
-    calibration: Calibration | None
-    allowed: Allowed = UNJUDGED
-    states: tuple[ImageMetadata, ...]
-    names: tuple[str, ...]
+    camera: str
+    images: int
+    use: Use
+    into: str | None
+    name: str | None
+    why: str
 
 
-Cameras: TypeAlias = Sequence[HandedCamera]
-"""All cameras of the run, because a K must not be applied to another camera's images."""
-
-
-class Dataset(Struct, frozen=True):
-    """A folder that a program processes on its own.
+class HandOff(Record):
+    """Plan of what a program gets of a run.
 
     Attributes:
-        folder: name of the sub-folder of a task; empty for the task's own folder.
-        cameras: whose images are in it.
-        files: beside the images.
+        program: its name.
+        cameras: all of the run, those that stay out too.
+        commands: what to run, or to do with the files.
+        failed: why the program gets nothing; None if it gets something, or no camera has a K for it.
+        files: content by path.
+        images: source path of each image of a task, by its path there.
+        copied: whether images are copied; otherwise hard links are made, which take no space and work in a
+            container.
     """
 
-    folder: str
-    cameras: Cameras
-    files: Files
+    _unwritten = frozenset({"files", "images", "copied"})
 
-
-def _nothing(files: Files) -> tuple[str, ...]:  # noqa: ARG001  the form of a target's notes
-    return ()
-
-
-class Target(Struct, frozen=True, kw_only=True):
-    """A program that gets K, as a row of :data:`TARGETS`.
-
-    Attributes:
-        form: the calibration format that has the program's models.
-        models: lens models of the program, if they are not all of that format; preferred ones first.
-        reads: patterns of the names of the files that it reads K from, ``*`` for a camera; those of an earlier run are
-            reported.
-        several: how the cameras of a run are kept apart, for the manual.
-        files: makes them for the cameras of a run, at least one of which has a K.
-        holds: converts one calibration; raises UnsupportedModelError if the program cannot represent it exactly.
-        adjusted: makes what that format can represent (of the original) what the program can; None if it is the same.
-        notes: what its user must know about the files that were made.
-        datasets: distributes the cameras and files of a ``--task`` to folders and adds the options that make the
-            program use them; None if the program does not process a folder as it is.
-        database: whether K can be written into its database (``--database``).
-    """
-
-    form: str
-    models: tuple[type[Distortion], ...] = ()
-    reads: tuple[str, ...]
-    several: str = "a file each"
-    files: Callable[[Cameras], Files]
-    holds: Callable[[Calibration], object]
-    adjusted: Callable[[Calibration, Calibration], Calibration] | None = None
-    notes: Callable[[Files], tuple[str, ...]] = _nothing
-    datasets: Callable[[Cameras, Files], Sequence[Dataset]] | None = None
-    database: bool = False
-
-
-def hand_off(program: Program, cameras: Cameras) -> Files:
-    """Make the files for one program, by name; empty if no camera has a K.
-
-    Raises:
-        UnsupportedModelError: the program cannot represent a camera exactly, or cannot distinguish two cameras.
-        InputError: an image name cannot be written to a list of names.
-    """
-    return TARGETS[program].files(cameras) if _usable(cameras) else {}
+    program: str
+    cameras: tuple[HandedCamera, ...] = ()
+    commands: tuple[str, ...] = ()
+    failed: str | None = None
+    files: Mapping[Path, bytes] = {}
+    images: Mapping[Path, Path] = {}
+    copied: bool = False
 
 
 class Nearest(Struct, frozen=True, kw_only=True):
@@ -171,25 +94,12 @@ class Nearest(Struct, frozen=True, kw_only=True):
     fit: Fit | None = None
     unknown: str | None = None
 
-    @property
-    def is_exact(self) -> bool:
-        """Whether K and a known lens are the original's."""
-        return self.fit is None or self.fit.exact
-
     def __str__(self) -> str:
         said = (self.unknown,) if self.unknown is not None else ()
         if self.fit is None:
             return in_words(Fidelity.EXACT, 0.0, 0.0)
         fit = self.fit
         return in_words(fit.outcome, fit.rms_px, fit.max_px, fit.compared_px, said, fit.lost_px)
-
-    @property
-    def note(self) -> str | None:
-        """What its user must know of the difference; None if there is none that matters."""
-        if self.fit is None or self.fit.max_px <= DEFAULT_MAX_ERROR_PX:
-            return None
-        by = f"by max {two_digits(self.fit.max_px)} px, rms {two_digits(self.fit.rms_px)} px"
-        return f"its files represent this K and lens {by} off, with {self.fit.model}: nearer it has none"
 
     def allows(self, allowed: Allowed) -> Allowed:
         """What the program may do with it: a K that is off by more than it is known to is refined."""
@@ -230,398 +140,132 @@ def nearest(program: Program, calibration: Calibration, *, drop_distortion: bool
     return Nearest(calibration=held, fit=compare(calibration, held), unknown=unknown)
 
 
-def refinement(camera: HandedCamera) -> str:
-    """Which parameters of a camera a bundle adjustment should refine."""
-    if camera.allowed.use is Use.FIXED:
-        return f"keep fixed: {camera.allowed.why}"
-    what = "the focal length only"
-    if camera.calibration is None or not isinstance(camera.calibration.distortion, NoDistortion):
-        what = "focal length and distortion"
-    return f"refine {what}: {camera.allowed.why}"
-
-
-def _usable(cameras: Cameras) -> list[tuple[HandedCamera, Calibration]]:
-    return [(camera, camera.calibration) for camera in cameras if camera.calibration is not None]
-
-
-def _json(document: Mapping[str, object]) -> bytes:
-    return encoded(document) + b"\n"
-
-
-def seed_command(seed: Calibration) -> str:
-    """COLMAP commands for a self-calibration from a seed, in the model that the source document names: PINHOLE."""
-    return (
-        "colmap feature_extractor --database_path database.db --image_path IMAGES "
-        f"{colmap_flags(seed.to_colmap('PINHOLE'))} && colmap exhaustive_matcher --database_path database.db && "
-        "colmap mapper --database_path database.db --image_path IMAGES --output_path OUT "
-        "--Mapper.ba_refine_focal_length 1"
-    )
-
-
-def colmap_flags(camera: ColmapCamera) -> str:
-    """The flags of COLMAP's feature_extractor that state a camera."""
-    values = ",".join(repr(value) for value in camera.params)
-    return (
-        f"--ImageReader.single_camera 1 --ImageReader.camera_model {camera.model} "
-        f'--ImageReader.camera_params "{values}"'
-    )
-
-
-def _colmap_files(cameras: Cameras) -> Files:
-    lists = {f"colmap.{camera.slug}.txt": _image_list(camera) for camera, _ in _usable(cameras)}
-    return {"colmap.sh": _colmap_script(_usable(cameras)).encode(), **lists}
-
-
-def _image_list(camera: HandedCamera) -> bytes:
-    """List of image names, one per line, in the bytes of the file system.
-
-    Raises:
-        InputError: a name contains a line break.
-    """
-    broken = next((name for name in camera.names if "\n" in name or "\r" in name), None)
-    if broken is not None:
-        raise InputError(
-            "its name contains a line break, which a COLMAP image list cannot contain; rename it",
-            source=repr(broken),
-        )
-    return b"".join(os.fsencode(name) + b"\n" for name in camera.names)
-
-
-def _colmap_script(cameras: Sequence[tuple[HandedCamera, Calibration]]) -> str:
-    lines = [
-        "#!/bin/sh",
-        "# usage: sh colmap.sh IMAGE_DIR DATABASE   (from the folder of this script)",
-        "# One run of the extractor a camera: K of one camera is wrong for every other.",
-        "set -eu",
-    ]
-    for camera, calibration in cameras:
-        lines += ["", f"# {calibration.camera} ({calibration.grade}); {refinement(camera)}"]
-        lines.append(
-            f'colmap feature_extractor --database_path "$2" --image_path "$1" '
-            f"--image_list_path {shlex.quote(f'colmap.{camera.slug}.txt')} "
-            f"{colmap_flags(calibration.to_colmap())}"
-        )
-    refine = [camera.allowed.use is not Use.FIXED for camera, _ in cameras]
-    flag, why = (
-        ("1", "Not all was measured: let bundle adjustment find it with")
-        if any(refine)
-        else ("0", "A measured K is not a start: keep bundle adjustment from moving it with")
-    )
-    both = (
-        ["# These flags are for all cameras at once, the measured ones too."] if len(set(refine)) > 1 else []
-    )
-    lines += [
-        "",
-        f"# {why}",
-        f"#   colmap mapper … --Mapper.ba_refine_focal_length {flag} --Mapper.ba_refine_principal_point 0 \\",
-        f"#     --Mapper.ba_refine_extra_params {flag}",
-        *both,
-    ]
-    return "\n".join(lines) + "\n"
-
-
-def plan_database(path: Path, cameras: Cameras) -> DatabaseChange:
-    """Find the rows of a COLMAP database that get the K of each camera: those of its images. Writes nothing.
-
-    Raises:
-        InputError: the file is not a COLMAP database, contains none of the images, or has a camera with
-            images of several cameras of this run.
-        UnsupportedModelError: no COLMAP model represents a lens exactly.
-    """
-    stored = read_database(path)
-    owner = {name: camera for camera in cameras for name in camera.names}
-    owners: dict[int, dict[str, HandedCamera | None]] = {}
-    for name, number in stored.images:
-        camera = owner.get(name)
-        owners.setdefault(number, {})[camera.slug if camera is not None else ""] = camera
-    updates: dict[int, ColmapCamera] = {}
-    for number, found in sorted(owners.items()):
-        usable = [
-            one.calibration for one in found.values() if one is not None and one.calibration is not None
-        ]
-        if not usable or number not in stored.cameras:
-            continue
-        if len(found) > 1:
-            names = " and ".join(sorted(slug or "images that are not here" for slug in found))
-            raise InputError(
-                f"its camera {number} is that of the images of {names}; extract features with one run a camera, as "
-                "colmap.sh does, or with --ImageReader.single_camera 0",
-                source=str(path),
-            )
-        updates[number] = usable[0].to_colmap()
-    if not updates:
-        raise InputError("it has none of these images under their names here", source=str(path))
-    return change_of(path, stored, updates)
-
-
-def _opensfm_files(cameras: Cameras) -> Files:
-    """Models by OpenSfM's camera names; if two cameras have the same name, by new names.
-
-    In that case ``exif_overrides.json`` states the camera of each image (``extract_metadata`` applies it
-    before it makes a camera for the image).
-    """
-    models = {camera.slug: opensfm_camera(K) for camera, K in _usable(cameras)}
-    if len(cameras) == 1:
-        # "all" applies to every image, whatever the camera's name.
-        return {OPENSFM_MODELS: _json({"all": next(iter(models.values()))})}
-    try:
-        named = _under_every_name(cameras, models, opensfm_names, "opensfm")
-        return {OPENSFM_MODELS: _json({f"v2 {name}": model for name, model in named.items()})}
-    except UnsupportedModelError:
-        whose = {name.rsplit("/", 1)[-1]: camera.slug for camera in cameras for name in camera.names}
-        if len(whose) < sum(len(camera.names) for camera in cameras):
-            raise
-    images = {name: {"camera": slug} for name, slug in whose.items()}
-    return {OPENSFM_MODELS: _json(models), OPENSFM_IMAGES: _json(images)}
-
-
-def _opensfm_notes(files: Files) -> tuple[str, ...]:
-    if OPENSFM_IMAGES not in files:
-        return ()
-    return (
-        f"OpenSfM does not distinguish these cameras by itself: put {OPENSFM_IMAGES}, which says of each image "
-        f"whose it is, beside {OPENSFM_MODELS} before extract_metadata",
-    )
-
-
-def _opensfm_datasets(cameras: Cameras, files: Files) -> Sequence[Dataset]:
-    """OpenSfM finds its files by name."""
-    config = {"config.yaml": content} if (content := _opensfm_config(cameras)) else {}
-    return [Dataset("", cameras, {**files, **config})]
-
-
-def _opensfm_config(cameras: Cameras) -> bytes:
-    """Cameras that are kept fixed, or the standard deviations within which OpenSfM is to refine them, if all have one.
-
-    It has one value for all cameras: the largest. The principal point is a fraction of the longer side, as its
-    ``principal_point_sd``; focal and distortion parameters are those of its own models.
-    """
-    if _all_fixed(cameras):
-        return b"optimize_camera_parameters: no\n"
-    known = [camera for camera in cameras if camera.allowed.sigma_focal is not None]
-    if len(known) < len(cameras):
-        return b""
-    stds = [_std(camera.calibration) for camera in known if camera.calibration is not None]
-    lines = {"exif_focal_sd": max(camera.allowed.sigma_focal or 0.0 for camera in known)}
-    for name, of in (
-        ("principal_point_sd", ("cx", "cy")),
-        *((f"radial_distortion_{k}_sd", (k,)) for k in ("k1", "k2", "k3", "k4")),
-        *((f"tangential_distortion_{p}_sd", (p,)) for p in ("p1", "p2")),
-    ):
-        found = [std[part] for std in stds for part in of if part in std]
-        if found:
-            lines[name] = max(found)
-    return "".join(f"{name}: {value:.6g}\n" for name, value in lines.items()).encode()
-
-
-def _std(calibration: Calibration) -> dict[str, float]:
-    """Standard deviations by parameter, those of the principal point as a fraction of the longer side."""
-    quality = calibration.quality
-    if quality is None:
-        return {}
-    stated = quality.covariance.std if quality.covariance is not None else {}
-    by = math.sqrt(quality.inflation)
-    longer = max(calibration.intrinsics.image_size)
-    return {
-        name: value * by / (longer if name in {"cx", "cy"} else 1.0)
-        for name, value in {**stated, **quality.std}.items()
-    }
-
-
-def _odm_files(cameras: Cameras) -> Files:
-    """One file; if ODM uses the same name for two cameras, one file for each, to be processed separately."""
-    models = {camera.slug: _odm_camera(K) for camera, K in _usable(cameras)}
-    try:
-        return {"cameras.json": _json(_under_every_name(cameras, models, odm_names, "odm"))}
-    except UnsupportedModelError:
-        return {
-            f"cameras.{camera.slug}.json": _json(_under_every_name([camera], models, odm_names, "odm"))
-            for camera, _ in _usable(cameras)
-        }
-
-
-def _odm_camera(calibration: Calibration) -> dict[str, str | int | float]:
-    if isinstance(calibration.distortion, KannalaBrandt) and calibration.distortion.k4 != 0:
-        raise UnsupportedModelError("ODM drops k4 of a fisheye model, and this one's is not 0")
-    model = opensfm_camera(calibration)
-    focal = (float(str(model["focal_x"])) + float(str(model["focal_y"]))) / 2
-    return {**model, "focal": focal}
-
-
-def _without_k4(original: Calibration, held: Calibration) -> Calibration:
-    """A fisheye as ODM keeps it, with three coefficients."""
-    if not isinstance(held.distortion, KannalaBrandt) or held.distortion.k4 == 0:
-        return held
-    fitted = refit(original, KannalaBrandt, terms=3)
-    return fitted[0] if fitted is not None else held
-
-
-def _odm_notes(files: Files) -> tuple[str, ...]:
-    if "cameras.json" in files:
-        return ()
-    names = ", ".join(sorted(files))
-    return (
-        f"ODM does not distinguish these cameras: process the images of each alone, with --cameras ({names})",
-    )
-
-
-def _odm_datasets(cameras: Cameras, files: Files) -> Sequence[Dataset]:
-    """ODM reads cameras only from the file given by ``--cameras``.
-
-    ``odm.sh`` passes it to the container, and ``options.json`` contains the ``options`` of a task for WebODM and
-    NodeODM (``POST /task/new``).
-    """
-    alone = [
-        (camera.slug, [camera], content)
-        for camera in cameras
-        if (content := files.get(f"cameras.{camera.slug}.json")) is not None
-    ]
-    parts = [("", cameras, files["cameras.json"])] if "cameras.json" in files else alone
-    made = []
-    for folder, part, content in parts:
-        compact = json.dumps(json.loads(content), separators=(",", ":"))
-        options: list[dict[str, str | bool]] = [{"name": "cameras", "value": compact}]
-        if fixed := _all_fixed(part):
-            options.append({"name": "use-fixed-camera-params", "value": True})
-        script = ODM_SCRIPT.format(fixed=" --use-fixed-camera-params" if fixed else "")
-        files_beside = {
-            "cameras.json": content,
-            "options.json": json.dumps(options).encode() + b"\n",
-            "odm.sh": script.encode(),
-        }
-        made.append(Dataset(folder, part, files_beside))
-    return made
-
-
-def _all_fixed(cameras: Cameras) -> bool:
-    return all(one.allowed.use is Use.FIXED for one in cameras)
-
-
-def _under_every_name(
-    cameras: Cameras,
-    models: Mapping[str, Mapping[str, object]],
-    names_of: Callable[[Sequence[ImageMetadata]], Iterable[str]],
-    program: Program,
-) -> dict[str, Mapping[str, object]]:
-    """The models under all names that the program may give to their cameras; unused names do no harm.
-
-    Raises:
-        UnsupportedModelError: two cameras have a common name, so that images of one would get the other's K.
-    """
-    named: dict[str, HandedCamera] = {}
-    for camera in sorted(cameras, key=lambda camera: camera.slug not in models):
-        for name in sorted(names_of(camera.states)):
-            other = named.get(name)
-            if other is not None:
-                raise UnsupportedModelError(
-                    f"{program} knows cameras by words of EXIF, and {other.slug} and {camera.slug} are both "
-                    f"{name!r}: put the images of each into a folder of its own"
-                )
-            if camera.slug in models:
-                named[name] = camera
-    return {name: models[camera.slug] for name, camera in named.items()}
-
-
-def _realityscan_files(cameras: Cameras) -> Files:
-    """CSV with a row for each image by file name, for RealityScan's import of camera parameters."""
-    head, rows = b"", b""
-    # One camera at a time: a file states no image size, so what is in one has to be of one size to be read back.
-    for camera, K in _usable(cameras):
-        named = [
-            replace(K, camera=replace(K.camera, sub_camera=name.rsplit("/", 1)[-1])) for name in camera.names
-        ]
-        head, _, own = _encoded(named, "realitycapture_csv", REALITYSCAN_CSV).partition(b"\n")
-        rows += own
-    return {REALITYSCAN_CSV: head + b"\n" + rows}
-
-
-def _encoded(cameras: Sequence[Calibration], form: str, name: str) -> bytes:
-    return parsers.encode(cameras, form, name=name)[0]
-
-
-def _one_file_each(suffix: str, form: str) -> Target:
-    """A program that reads one file for each camera, named as the camera with a suffix."""
-
-    def files(cameras: Cameras) -> Files:
-        return {
-            f"{camera.slug}{suffix}": _encoded([K], form, f"{camera.slug}{suffix}")
-            for camera, K in _usable(cameras)
-        }
-
-    return Target(form=form, reads=(f"*{suffix}",), files=files, holds=lambda K: _encoded([K], form, suffix))
-
-
-class TaskFolder(Struct, frozen=True, kw_only=True):
-    """Content of a task folder: a folder that a program processes as it is, with images, cameras and options.
-
-    Attributes:
-        files: content by path.
-        images: source path of each image, by its path in the task.
-        copied: whether images are copied; otherwise hard links are made, which take no space and work in a
-            container.
-        notes: on its use.
-    """
-
-    files: dict[Path, bytes]
-    images: dict[Path, Path]
-    copied: bool
-    notes: tuple[str, ...]
-
-
-def task_folder(
-    program: Program, cameras: Cameras, root: Path, folder: Path, *, copied: bool = False
-) -> TaskFolder:
-    """Plan a task's files and images; writes nothing.
-
-    ODM and OpenSfM read ``images/`` of a dataset without its sub-folders (``get_images`` in stages/dataset.py),
-    so images from several folders are put into one, under distinct names.
+def candidate_of(
+    camera: JudgedCamera, program: Program, *, drop_distortion: bool = False, include_unproven: bool = False
+) -> Candidate:
+    """A camera with its K as the program holds it, if the program may and can use it.
 
     Args:
-        program: one with datasets.
+        camera: of the run.
+        program: that gets it.
+        drop_distortion: whether a program that takes an unknown distortion for none gets such a K.
+        include_unproven: whether an unproven K is handed on as a start.
+    """
+    allowed, K = camera.use or UNJUDGED, camera.calibration
+    if allowed.use is Use.NONE and camera.verdict is Verdict.UNPROVEN and include_unproven:
+        allowed = Allowed(use=Use.START, why="its K is unproven, and was asked for")
+    one = Candidate(
+        slug=camera.slug,
+        calibration=None,
+        allowed=allowed,
+        states=tuple(state.metadata for state in camera.camera.states),
+        names=camera.camera.names,
+    )
+    if K is None:
+        return replace(one, said="it has no K")
+    if allowed.use is Use.NONE:
+        offered = "unproven; --include-unproven hands it on as a start"
+        return replace(one, said=offered if camera.verdict is Verdict.UNPROVEN else allowed.why)
+    try:
+        held = nearest(program, K, drop_distortion=drop_distortion)
+    except UnsupportedModelError as error:
+        return replace(one, said=error.message)
+    said = "" if held.fit is None or held.fit.exact else str(held)
+    return replace(one, calibration=held.calibration, allowed=held.allows(allowed), said=said)
+
+
+def hand_off(
+    program: Program,
+    cameras: Candidates,
+    *,
+    root: Path,
+    folder: Path,
+    task: Path | None = None,
+    copied: bool = False,
+) -> HandOff:
+    """Plan what a program gets; writes nothing.
+
+    ODM and OpenSfM read ``images/`` of a dataset without its sub-folders (``get_images`` in stages/dataset.py),
+    so a task's images from several folders are put into one, under distinct names.
+
+    Args:
+        program: that gets it.
         cameras: all cameras of the run.
         root: folder that the image names are relative to.
-        folder: of the task; with a sub-folder for each camera if ODM cannot distinguish two cameras.
-        copied: whether to copy the images.
+        folder: of the files.
+        task: folder that the program processes as it is, with a sub-folder for each of several datasets.
+        copied: whether to copy a task's images.
 
     Raises:
-        InputError: an image is not a local file, or two images would have the same name.
+        InputError: an image name cannot be written to a list, or is not a local file or another's twin in a task.
         UnsupportedModelError: the program cannot represent a camera exactly.
     """
     target = TARGETS[program]
-    flat = _flat_names([name for camera in cameras for name in camera.names])
-    handed = hand_off(
-        program, [replace(one, names=tuple(flat[name] for name in one.names)) for one in cameras]
-    )
-    datasets = target.datasets(cameras, handed) if target.datasets is not None and handed else ()
-    left = [name for name in flat if Path(name).suffix.lower() not in READ_BY_ODM]
-    wanted = {name: to for name, to in flat.items() if name not in left}
+    flat = _flat_names([name for one in cameras for name in one.names]) if task is not None else {}
+    named = [replace(one, names=tuple(flat.get(name, name) for name in one.names)) for one in cameras]
+    given = any(one.calibration is not None for one in cameras)
+    datasets = target.datasets(named, "images" if task is not None else "") if given else ()
     files: dict[Path, bytes] = {}
     images: dict[Path, Path] = {}
+    commands = []
+    rows = {
+        one.slug: HandedCamera(
+            camera=one.slug, images=len(one.names), use=Use.NONE, into=None, name=None, why=one.said
+        )
+        for one in cameras
+    }
     for dataset in datasets:
-        place = folder / dataset.folder
+        place = (task if task is not None else folder) / dataset.folder
+        commands.append(dataset.command.format(place=place, images=root))
         files |= {place / name: content for name, content in dataset.files.items()}
-        for name in (name for camera in dataset.cameras for name in camera.names if name in wanted):
-            images[place / "images" / wanted[name]] = _file(root, name)
-    said = [*target.notes(handed)] if len(datasets) == 1 else [APART] if datasets else []
-    if left and datasets:
-        said.append(f"{len(left)} images are not in the task, for {program} does not read {_suffixes(left)}")
-    return TaskFolder(files=files, images=images, copied=copied, notes=tuple(said))
+        for one in (one for one in cameras if one.slug in dataset.into):
+            names = [
+                name for name in one.names if task is None or Path(name).suffix.lower() in READ_BY_SOLVERS
+            ]
+            rows[one.slug] = _handed(program, one, len(names), dataset, place)
+            if task is not None:
+                images |= {place / "images" / flat[name]: _file(root, name) for name in names}
+    return HandOff(
+        program=program,
+        cameras=tuple(rows.values()),
+        commands=tuple(commands),
+        files=files,
+        images=images,
+        copied=copied,
+    )
 
 
-APART: Final = "ODM does not distinguish these cameras: each has a folder of its own, to be processed alone"
+def _handed(program: Program, one: Candidate, images: int, dataset: Dataset, place: Path) -> HandedCamera:
+    named = TARGETS[program].named
+    use, said = one.allowed.use, [dataset.said, one.said, refinement(one)]
+    if dataset.primary not in {"", one.slug}:
+        use, said = Use.NONE, [f"its K is not needed: {program} aligns it to the images of {dataset.primary}"]
+    unread = sorted({Path(name).suffix.lower() for name in one.names} - READ_BY_SOLVERS)
+    if images < len(one.names):
+        said.append(
+            f"{len(one.names) - images} more stay out, for {program} does not read {', '.join(unread)}"
+        )
+    return HandedCamera(
+        camera=one.slug,
+        images=images,
+        use=use,
+        into=str(place / dataset.into[one.slug]),
+        name=named(one.states[0]) if named is not None else None,
+        why="; ".join(part for part in said if part),
+    )
 
 
-def lay_out(task: TaskFolder) -> None:
-    """Put the images into the task's folders.
+def lay_out(plan: HandOff) -> None:
+    """Put the images into a task's folders.
 
     Raises:
         InputError: an image cannot be linked or copied; none is left there then.
     """
     done: list[Path] = []
     try:
-        for to, source in task.images.items():
+        for to, source in plan.images.items():
             to.parent.mkdir(parents=True, exist_ok=True)
-            if task.copied:
+            if plan.copied:
                 shutil.copy2(source, to)
             else:
                 os.link(os.path.realpath(source), to)
@@ -630,9 +274,9 @@ def lay_out(task: TaskFolder) -> None:
         for path in done:
             with suppress(OSError):
                 path.unlink()
-        other_disk = error.errno in {errno.EXDEV, errno.EPERM, errno.ENOTSUP} and not task.copied
+        other_disk = error.errno in {errno.EXDEV, errno.EPERM, errno.ENOTSUP} and not plan.copied
         remedy = "; --copy-images copies them" if other_disk else ""
-        verb = "copied" if task.copied else "linked"
+        verb = "copied" if plan.copied else "linked"
         raise InputError(
             f"cannot be {verb} into the task: {error.strerror}{remedy}", source=str(source)
         ) from None
@@ -662,54 +306,3 @@ def _file(root: Path, name: str) -> Path:
     if not path.is_file():
         raise InputError("is not a file of this machine, which a task could link or copy", source=name)
     return path
-
-
-def _suffixes(names: Iterable[str]) -> str:
-    return ", ".join(sorted({Path(name).suffix.lower() for name in names}))
-
-
-TARGETS: Final[Mapping[Program, Target]] = {
-    "colmap": Target(
-        form="colmap_text",
-        reads=("colmap.sh",),
-        several="a list of images each, and one run of the extractor; or ``--database``, which changes the cameras of "
-        f"a database that has the images already in one transaction; ``{RESTORE}`` restores them",
-        files=_colmap_files,
-        holds=Calibration.to_colmap,
-        database=True,
-    ),
-    "opensfm": Target(
-        form="opensfm",
-        reads=(OPENSFM_MODELS, OPENSFM_IMAGES),
-        several="by the names that OpenSfM gives cameras; where it gives two the same name (two units of a model, "
-        f"bands, TIFFs with EXIF that only GDAL reads), ``{OPENSFM_IMAGES}`` states the camera of each image",
-        files=_opensfm_files,
-        holds=opensfm_camera,
-        notes=_opensfm_notes,
-        datasets=_opensfm_datasets,
-    ),
-    "odm": Target(
-        form="opensfm",
-        models=(NoDistortion, BrownConrady, KannalaBrandt),
-        reads=("cameras.json", "cameras.*.json"),
-        several="by the names that ODM gives cameras; where it gives two the same name, a file each: process the "
-        "images of each separately",
-        files=_odm_files,
-        holds=_odm_camera,
-        adjusted=_without_k4,
-        notes=_odm_notes,
-        datasets=_odm_datasets,
-    ),
-    "opencv": _one_file_each(".opencv.yml", "opencv_storage"),
-    "metashape": _one_file_each(".metashape.xml", "agisoft_xml"),
-    "pix4d": _one_file_each(".pix4d.cam", "pix4d_cam"),
-    "realityscan": Target(
-        form="realitycapture_csv",
-        reads=(REALITYSCAN_CSV,),
-        several="a row for each image",
-        files=_realityscan_files,
-        holds=lambda K: _encoded([K], "realitycapture_csv", REALITYSCAN_CSV),
-    ),
-    "ros": _one_file_each(".ros.yaml", "ros_camera_info"),
-}
-"""The programs that K can be handed to; the head of this module states how to add one."""

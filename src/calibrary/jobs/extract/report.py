@@ -18,7 +18,8 @@ from calibrary.jobs.extract.calibration_files import CalibrationsOfFile
 from calibrary.jobs.extract.cameras import Camera, StateDocument
 from calibrary.jobs.extract.extraction import JudgedCamera, name_of
 from calibrary.jobs.extract.fallback import Step
-from calibrary.jobs.extract.hand_off import TaskFolder, seed_command
+from calibrary.jobs.extract.hand_off import HandOff
+from calibrary.jobs.extract.targets import seed_command
 from calibrary.jobs.images.folders import SkippedFile
 from calibrary.jobs.use import Allowed
 from calibrary.pages.notebook import in_notebook
@@ -186,12 +187,7 @@ class Outputs(Struct, frozen=True, kw_only=True):
         report: path of the report.
         matrices: name of the K file by camera slug.
         stale: K and solver files of an earlier run that this run does not replace.
-        not_handed_over: reason why the solver does not get a camera's K, by slug.
-        hand_off_failed: reason why the solver gets nothing; None if it gets something.
-        hand_off_notes: notes on the use of the solver's files.
-        refine: which parameters a bundle adjustment should refine, by slug.
         database: change to be written to a COLMAP database.
-        task: folder for a solver, its files also in ``files``.
         is_dry_run: whether nothing of it is written.
     """
 
@@ -199,12 +195,7 @@ class Outputs(Struct, frozen=True, kw_only=True):
     report: Path | None = None
     matrices: dict[str, str] = field(default_factory=dict)
     stale: tuple[Path, ...] = ()
-    not_handed_over: dict[str, str] = field(default_factory=dict)
-    hand_off_failed: str | None = None
-    hand_off_notes: tuple[str, ...] = ()
-    refine: dict[str, str] = field(default_factory=dict)
     database: DatabaseChange | None = None
-    task: TaskFolder | None = None
     is_dry_run: bool = False
 
 
@@ -223,6 +214,7 @@ class ExtractReport(Record, tag_field="schema", tag="calibrary/report-1"):
         exit_code: 0 if every image has a valid K and the requested hand-off succeeded; 3 if some images were
             not read because the reading processes were killed.
         more_rejected, more_skipped: numbers of those that are not listed.
+        hand_off: what the program gets; None without one.
         limits: the policy; like all that follows, not written.
         judged: the cameras with their evidence.
         calibration_files: calibration files in the folders of the images.
@@ -251,6 +243,7 @@ class ExtractReport(Record, tag_field="schema", tag="calibrary/report-1"):
     skipped: tuple[SkippedFile, ...] = ()
     more_rejected: Annotated[int, Meta(ge=0)] = 0
     more_skipped: Annotated[int, Meta(ge=0)] = 0
+    hand_off: HandOff | None = None
     limits: Policy = FLEET
     judged: tuple[JudgedCamera, ...] = ()
     calibration_files: tuple[CalibrationsOfFile, ...] = ()

@@ -17,9 +17,10 @@ from calibrary.evidence.context import SourceEstimate
 from calibrary.jobs.extract.cameras import StateDocument
 from calibrary.jobs.extract.extraction import JudgedCamera
 from calibrary.jobs.extract.fallback import Fallback
-from calibrary.jobs.extract.hand_off import seed_command
+from calibrary.jobs.extract.hand_off import HandedCamera, HandOff
 from calibrary.jobs.extract.own import known_of
 from calibrary.jobs.extract.report import CameraDocument, ExtractReport, Outputs
+from calibrary.jobs.extract.targets import seed_command
 from calibrary.jobs.survey import Who
 from calibrary.pages.plots import Axis, Band, Interval, Role, distortion_map, intervals, radial_curve
 from calibrary.pages.wording import (
@@ -91,6 +92,15 @@ CAMERAS: Final = (
     Column("what to do", lambda row: row.do, below="→ "),
 )
 """May I use it, as what, how is it known; and what keeps it from being used."""
+HANDED: Final = (
+    Column("camera", lambda alike: first_of([one.camera for one in alike], 1)),
+    Column("images", lambda alike: str(sum(one.images for one in alike)), numeric=True),
+    Column("use", lambda alike: alike[0].use),
+    Column("into", lambda alike: first_of({one.into or "stays out": 0 for one in alike}, 1), rank=1),
+    Column("named", lambda alike: first_of({one.name or "": 0 for one in alike}, 1), rank=2),
+    Column("why", lambda alike: alike[0].why, below=""),
+)
+"""Cameras that are handed on alike share a row."""
 
 
 def told(found: ExtractReport, *, checked: date | None = None, files: bool = False) -> View:
@@ -106,6 +116,7 @@ def told(found: ExtractReport, *, checked: date | None = None, files: bool = Fal
     sections = [_answer(found)]
     if files and found.outputs.files:
         sections.append(_files(found.outputs))
+        sections += [_handed(found.hand_off)] if found.hand_off and not found.hand_off.failed else []
     sections += [camera_section(c, found.limits, drawn=i < MOST_DRAWN) for i, c in enumerate(judged)]
     if found.rejected or found.skipped:
         sections.append(_set_aside(found))
@@ -227,18 +238,21 @@ def _files(outputs: Outputs) -> Section:
     """What was written, and what a program was given."""
     names = [*map(str, outputs.files)] if len(outputs.files) <= FEW else [*_in_short(outputs.files)]
     said = [", ".join(names)]
-    if outputs.task is not None:
-        linked = "copied" if outputs.task.copied else "linked"
-        folders = Counter(path.parent for path in outputs.task.images)
-        said += [f"{folder}: {count(number, 'image')}, {linked}" for folder, number in folders.items()]
     if outputs.database is not None:
         said.append(f"{outputs.database.path}: {count(len(outputs.database.after), 'camera')}")
-    by_text: dict[str, list[str]] = {}
-    for slug, text in outputs.refine.items():
-        by_text.setdefault(text, []).append(slug)
-    said += [f"{first_of(slugs)}: {text}" for text, slugs in by_text.items()]
     title = "Would be written" if outputs.is_dry_run else "Written"
     return Section(title=title, blocks=tuple(said))
+
+
+def _handed(plan: HandOff) -> Section:
+    """What a program gets of each camera, and what to run; if it gets nothing, a warning says why."""
+    alike: dict[tuple[str, str], list[HandedCamera]] = {}
+    for one in plan.cameras:
+        alike.setdefault((one.use, one.why), []).append(one)
+    table = Table.of("Which images it gets, with which K, and which stay out", alike.values(), HANDED)
+    more = len(plan.commands) - FEW
+    commands = [f"→ {one}" for one in plan.commands[:FEW]] + ([f"→ … {more} more"] if more > 0 else [])
+    return Section(title=f"To {plan.program}", blocks=(table, *commands))
 
 
 def _in_short(files: Iterable[Path]) -> Iterator[str]:
