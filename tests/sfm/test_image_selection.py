@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from calibrary.parsers.imagery.taken import Fix, fix_of
 from calibrary.records import replace
 from calibrary.sfm.engine import FlightImage
-from calibrary.sfm.image_selection import LocatedImage, overlapping_pairs, select_images
+from calibrary.sfm.image_selection import ALL_PAIRS, LocatedImage, overlapping_pairs, select_images
 from calibrary.synthetic import Head, Position, description, packet, write_image
 
 GREY = np.full((24, 32, 3), 99, dtype=np.uint8)
@@ -120,6 +120,16 @@ def test_without_positions_the_middle_is_taken_in_order() -> None:
     assert [image.name for image in chosen.images] == [f"{at:03}" for at in range(25, 75)]
     assert all(0 < b - a <= 12 for a, b in chosen.pairs)
     assert len(chosen.pairs) == 50 * 12 - 12 * 13 // 2
+
+
+@pytest.mark.parametrize("more", [0, 1])
+def test_of_a_few_images_all_pairs_are_matched_and_of_one_more_the_neighbours(more: int) -> None:
+    images = [
+        FlightImage(path=Path("a"), name="a", size=(4000, 3000), centre_m=(40.0 * at, 0.0, 80.0))
+        for at in range(ALL_PAIRS + more)
+    ]
+    pairs = overlapping_pairs(images)
+    assert ((0, len(images) - 1) in pairs) is (more == 0)
 
 
 def test_neighbours_are_matched() -> None:
