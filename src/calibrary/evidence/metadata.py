@@ -161,7 +161,8 @@ class ImageMetadata(Struct, frozen=True, kw_only=True):
     def sub_camera(self) -> str | None:
         """The sub-camera that a tag names, in the common vocabulary, or None if no tag does."""
         for schema, name in SUB_CAMERA_TAGS:
-            named = normalise_sub_camera(",".join(self.xmp_values(schema, name) or ()))
+            values = self.xmp_values(schema, name)
+            named = normalise_sub_camera(",".join(values)) if values else None
             if named is not None:
                 return named
         index = self.xmp_text("Camera", "RigCameraIndex")

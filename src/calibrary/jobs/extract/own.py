@@ -20,7 +20,7 @@ from calibrary.evidence.optics import THERMAL
 from calibrary.evidence.originality import Originality
 from calibrary.evidence.weighing import Cause, Evidence
 from calibrary.jobs.extract.knowledge import Known
-from calibrary.jobs.survey import CATALOGUE, Placed, Survey, Weighed, Who, limit_between, of_entry
+from calibrary.jobs.survey import CATALOGUE, Heard, Placed, Survey, Who, limit_between, of_entry
 from calibrary.jobs.survey.claims import Claim, is_statement, of_catalogue, of_tag
 from calibrary.jobs.survey.limits import known_tolerance
 from calibrary.jobs.survey.placing import Settled
@@ -62,7 +62,7 @@ class Own(Struct, frozen=True, kw_only=True):
     chosen: SourceEstimate
     stated: Evidence
     evidence: Evidence
-    weighed: Weighed
+    weighed: Heard
     known: Placed | None
     others: tuple[SourceEstimate, ...]
     edits: tuple[str, ...]
@@ -119,7 +119,7 @@ def judged(
         chosen=chosen,
         stated=stated,
         evidence=evidence,
-        weighed=survey.weigh(claim),
+        weighed=survey.heard(claim),
         known=known_of(survey),
         others=others,
         edits=tuple(edits),

@@ -33,6 +33,8 @@ class Relation(StrEnum):
 
 def relate(one: Placed, K: Placed, policy: Policy) -> Relation:
     """Of a claim whose reading is not settled only what all its readings say."""
+    if not (one.rivals or K.rivals):
+        return relate_as_read(one, K, policy)
     said = {relate_as_read(a, b, policy) for a in one.ways for b in K.ways}
     if len(said) == 1:
         return said.pop()

@@ -29,27 +29,30 @@ class Against(Struct, frozen=True, kw_only=True):
 
     Attributes:
         one: it.
-        message: how the two differ, and of one that is not believed why.
+        K: the other.
+        policy: by which the two are compared.
         limit: how far their focal lengths may be apart, as a fraction.
         shown_by: the names of the two claims that show it wrong; empty if it is believed.
     """
 
     one: Placed
-    message: str
+    K: Placed
+    policy: Policy
     limit: float
     shown_by: tuple[str, ...] = ()
 
+    @property
+    def message(self) -> str:
+        """How the two differ, and of one that is not believed why."""
+        said = words.said(self.K, self.one, self.limit, self.policy)
+        return words.disbelieved(said, self.shown_by) if self.shown_by else said
 
-class Weighed(Struct, frozen=True, kw_only=True):
-    """A claim among the others.
+
+class Heard(Struct, frozen=True, kw_only=True):
+    """What the other claims say of one.
 
     Attributes:
         claim: which.
-        ways: its K at the size of the images, by each reading that may stand; empty if no reading brings it there.
-        settled: how the first of them came to stand.
-        verdict: whether it may be used.
-        use: what a solver may do with it, and why.
-        findings: what speaks against it, the gravest first.
         confirmed_by: the independent claims that confirm it.
         against: the claims that contradict it, those that are shown wrong among them.
         copies: the claims that have its numbers.
@@ -57,15 +60,28 @@ class Weighed(Struct, frozen=True, kw_only=True):
     """
 
     claim: Claim
+    confirmed_by: tuple[Placed, ...] = ()
+    against: tuple[Against, ...] = ()
+    copies: tuple[Placed, ...] = ()
+    near: tuple[Placed, ...] = ()
+
+
+class Weighed(Heard, frozen=True, kw_only=True):
+    """A claim among the others, and what follows of it.
+
+    Attributes:
+        ways: its K at the size of the images, by each reading that may stand; empty if no reading brings it there.
+        settled: how the first of them came to stand.
+        verdict: whether it may be used.
+        use: what a solver may do with it, and why.
+        findings: what speaks against it, the gravest first.
+    """
+
     ways: tuple[Placed, ...]
     settled: Settled = Settled.AMBIGUOUS
     verdict: Verdict
     use: Allowed
     findings: tuple[Finding, ...] = ()
-    confirmed_by: tuple[Placed, ...] = ()
-    against: tuple[Against, ...] = ()
-    copies: tuple[Placed, ...] = ()
-    near: tuple[Placed, ...] = ()
 
     @property
     def believed(self) -> tuple[Against, ...]:
@@ -112,37 +128,45 @@ class Survey:
 
     def weigh(self, claim: Claim) -> Weighed:
         """One claim of this survey among the others."""
-        K = next((one for one in self.placed if one.claim is claim), None)
+        K, heard = self._at(claim), self.heard(claim)
         if K is None:
             found = words.not_this_frame(claim.name)
             use = Allowed(use=Use.NONE, why=found.message)
             return Weighed(claim=claim, ways=(), verdict=Verdict.UNPROVEN, use=use, findings=(found,))
-        others = [one for one in self.placed if one is not K]
-        confirming = [one for one in others if self._relation(one, K) is Relation.CONFIRMS]
-        against = [
-            self._against(one, K, confirming)
-            for one in others
-            if self._relation(one, K) is Relation.CONTRADICTS
-        ]
-        copies = [one for one in others if self._relation(one, K) is Relation.COPY]
-        computed = _computed(claim, confirming, copies)
-        findings = sorted(
-            self._findings(K, against, confirming, computed), key=lambda one: -[*Severity].index(one.severity)
-        )
+        findings = sorted(self._findings(K, heard), key=lambda one: -[*Severity].index(one.severity))
         return Weighed(
             claim=claim,
             ways=K.ways,
             settled=K.settled,
             verdict=_verdict(findings),
-            use=self._use(K, findings, confirming),
+            use=self._use(K, findings, heard.confirmed_by),
             findings=tuple(findings),
-            confirmed_by=tuple(confirming),
-            against=tuple(against),
-            copies=tuple(copies),
-            near=tuple(
-                one for one in others if self._relation(one, K) in {Relation.COMPATIBLE, Relation.DEPENDENT}
-            ),
+            confirmed_by=heard.confirmed_by,
+            against=heard.against,
+            copies=heard.copies,
+            near=heard.near,
         )
+
+    def heard(self, claim: Claim) -> Heard:
+        """What the others say of a claim of this survey, for who needs neither its findings nor its use."""
+        K = self._at(claim)
+        if K is None:
+            return Heard(claim=claim)
+        said = [(one, self._relation(one, K)) for one in self.placed if one is not K]
+        confirming = tuple(one for one, found in said if found is Relation.CONFIRMS)
+        return Heard(
+            claim=claim,
+            confirmed_by=confirming,
+            against=tuple(
+                self._against(one, K, confirming) for one, found in said if found is Relation.CONTRADICTS
+            ),
+            copies=tuple(one for one, found in said if found is Relation.COPY),
+            near=tuple(one for one, found in said if found in {Relation.COMPATIBLE, Relation.DEPENDENT}),
+        )
+
+    def _at(self, claim: Claim) -> Placed | None:
+        """A claim at the size of the images; None if no reading brings it there."""
+        return next((one for one in self.placed if one.claim is claim), None)
 
     @cached_property
     def placed(self) -> tuple[Placed, ...]:
@@ -160,11 +184,8 @@ class Survey:
         return self._relations[at]
 
     def _against(self, one: Placed, K: Placed, confirming: Sequence[Placed]) -> Against:
-        limit, shown_by = limit_between(one.claim, K.claim), self._shown_wrong(one, K, confirming)
-        message = words.said(K, one, limit, self.policy)
-        if shown_by:
-            message = words.disbelieved(message, shown_by)
-        return Against(one=one, message=message, limit=limit, shown_by=shown_by)
+        shown_by, limit = self._shown_wrong(one, K, confirming), limit_between(one.claim, K.claim)
+        return Against(one=one, K=K, policy=self.policy, limit=limit, shown_by=shown_by)
 
     def _shown_wrong(self, one: Placed, K: Placed, confirming: Sequence[Placed]) -> tuple[str, ...]:
         """The two that show a contradiction wrong, K and what confirms it; none if it is believed.
@@ -192,25 +213,24 @@ class Survey:
                 return ()
         return K.claim.name, against[0].claim.name
 
-    def _findings(
-        self, K: Placed, against: Sequence[Against], confirming: Sequence[Placed], computed: str | None
-    ) -> Iterator[Finding]:
+    def _findings(self, K: Placed, heard: Heard) -> Iterator[Finding]:
         settles = self.policy.independent_sources_settle
         for one in validate(K.calibration, self.policy).findings:
-            if one.rule != PLAUSIBLE or not (settles and confirming):
+            if one.rule != PLAUSIBLE or not (settles and heard.confirmed_by):
                 yield one
         if settles:
-            yield from self._others(K, against, computed)
+            yield from self._others(K, heard)
         for done in self._done_to(K):
             yield words.edited(f"the image was {done}: nothing shows that this K describes it", self.policy)
 
-    def _others(self, K: Placed, against: Sequence[Against], computed: str | None) -> Iterator[Finding]:
+    def _others(self, K: Placed, heard: Heard) -> Iterator[Finding]:
         """What the other claims say against it."""
-        for other in against:
+        for other in heard.against:
             if not other.shown_by:
                 yield words.contradicted(K, other.one, other.message, other.limit)
         if K.settled is Settled.AMBIGUOUS:
             yield words.frame_unknown(K, [one for one in self.placed if one.claim.is_kept])
+        computed = _computed(heard.claim, heard.confirmed_by, heard.copies)
         if computed is not None:
             yield words.computed(computed)
 
