@@ -1,8 +1,8 @@
 """What tests cost, in seconds of CPU: each at most one, unless ``dear.csv`` lists it with its reason.
 
 A row names a test, or a file for each of its tests, and the seconds that it may take. What several tests share, a
-fixture of a file or of the session, is listed by its own name, and no test pays for it. A process that a test starts
-counts when it has ended. Processors differ and are shared, so only what takes twice as much fails.
+fixture of a file or of the session, may take four or is listed by its own name, and no test pays for it. A process
+that a test starts counts when it has ended. Processors differ and are shared, so only what takes twice as much fails.
 """
 
 from __future__ import annotations
@@ -17,6 +17,8 @@ import pytest
 
 DEAR = Path(__file__).with_name("dear.csv")
 USUAL_S = 1.0
+SHARED_S = 4.0
+"""Of what several tests share."""
 FACTOR = 2.0
 """From what is allowed to what fails."""
 
@@ -27,9 +29,9 @@ def read_dear(path: Path = DEAR) -> dict[str, float]:
         return {row["name"]: float(row["seconds"]) for row in csv.DictReader(rows)}
 
 
-def complaint(dear: dict[str, float], cost: float, *names: str) -> str | None:
+def complaint(dear: dict[str, float], cost: float, *names: str, usual: float = USUAL_S) -> str | None:
     """What is said of something too dear; its limit is that of the first of its names that is listed."""
-    limit = next((dear[name] for name in names if name in dear), USUAL_S)
+    limit = next((dear[name] for name in names if name in dear), usual)
     if cost <= FACTOR * limit:
         return None
     return f"{names[0]} took {cost:.1f} s of CPU and may take {limit:g}: make it cheaper, or list it in {DEAR.name}"
@@ -72,7 +74,7 @@ class Meter:
         made = yield
         cost = used() - start - (self._shared - before)
         self._shared += cost
-        self._fail_if_dear(cost, f"{fixturedef.baseid}::{fixturedef.argname}")
+        self._fail_if_dear(cost, f"{fixturedef.baseid}::{fixturedef.argname}", usual=SHARED_S)
         return made
 
     @pytest.hookimpl(wrapper=True)
@@ -88,7 +90,7 @@ class Meter:
         """The report has all of it: CI waits for what is shared, too."""
         item.user_properties.append(("cpu", round(used() - self._start, 3)))
 
-    def _fail_if_dear(self, cost: float, *names: str) -> None:
-        said = complaint(self._dear, cost, *names)
+    def _fail_if_dear(self, cost: float, *names: str, usual: float = USUAL_S) -> None:
+        said = complaint(self._dear, cost, *names, usual=usual)
         if said is not None and self._fails:
             pytest.fail(said, pytrace=False)
