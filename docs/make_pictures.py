@@ -36,7 +36,7 @@ from calibrary.jobs.calibrate import calibrate
 from calibrary.jobs.demo.flight import write_flight
 from calibrary.jobs.desk import desk
 from calibrary.jobs.diff.comparison import compare
-from calibrary.jobs.diff.page import comparison_page
+from calibrary.jobs.diff.told import told as told_diff
 from calibrary.jobs.extract.outputs import Wanted
 from calibrary.jobs.extract.report import ExtractReport
 from calibrary.jobs.extract.run import run
@@ -171,7 +171,7 @@ def board_page() -> str:
         return page.read_text(encoding="utf-8")
 
 
-def fleet_pages() -> tuple[str, str, str]:
+def told_fleets() -> tuple[str, str, str]:
     """A comparison, and of the registry's site the list and a camera."""
     with TemporaryDirectory() as folder:
         registry = Path(folder) / "fleet"
@@ -179,7 +179,7 @@ def fleet_pages() -> tuple[str, str, str]:
         before, after = (fleet.get(f"fc6310r@firmware:{version}") for version in ("01.08", "01.09"))
         labels = ("fc6310r@firmware:01.08", "fc6310r")
         compared = compare(before.entry.calibration, after.entry.calibration, labels=labels)
-        diff = comparison_page(compared, 100.0)
+        diff = told_diff(compared, 100.0)
         site = build(registry, Path(folder) / "site", workers=1)
         listing, camera = (
             (site.root / name).read_text(encoding="utf-8")
@@ -298,7 +298,7 @@ def main() -> int:
     if arguments.pages:
         screenshot(extract_page(outcome), arguments.out / "extract-page.png", parts=EXTRACT_PARTS)
         screenshot(board_page(), arguments.out / "calibrate-page.png", parts=CALIBRATE_PARTS)
-        diff, listing, camera = fleet_pages()
+        diff, listing, camera = told_fleets()
         screenshot(diff, arguments.out / "diff-page.png", parts=DIFF_PARTS)
         screenshot(listing, arguments.out / "site-page.png", parts=SITE_PARTS)
         screenshot(camera, arguments.out / "camera-page.png", parts=CAMERA_PARTS)

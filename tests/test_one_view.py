@@ -16,11 +16,15 @@ from calibrary.cli.console import Screen
 from calibrary.cli.shown import show
 from calibrary.jobs.audit.told import told as audit_told
 from calibrary.jobs.desk import flights
+from calibrary.jobs.diff.comparison import compare
+from calibrary.jobs.diff.told import told as diff_told
 from calibrary.jobs.extract.report import ExtractReport
 from calibrary.jobs.extract.told import told
 from calibrary.pages import render_page
-from calibrary.view import Table, View, text_of
+from calibrary.view import SideBySide, Table, View, text_of
+from tests.jobs.diff.cameras import changed
 from tests.jobs.extract.fleet import DEWARP, P4R, entry, files, gate, picture, plan
+from tests.workshop import CAMERA
 
 
 def terminal(view: View) -> str:
@@ -113,3 +117,15 @@ def test_an_audit_of_twenty_cameras_without_an_entry_is_told_in_six_lines(tmp_pa
     entry(tmp_path / "fleet", fx=3659.0)
     done = calibrary.open_registry(files(tmp_path / "fleet")).audit([tmp_path / "flight"])
     assert len(terminal(audit_told(done)).splitlines()) <= 6
+
+
+def test_a_comparison_is_shown_equally() -> None:
+    found = compare(CAMERA, changed(CAMERA, fx=1.01 * CAMERA.intrinsics.fx), labels=("a.xml", "b.xml"))
+    table = next(b for b in diff_told(found).sections[1].blocks if isinstance(b, SideBySide)).blocks[0]
+    assert isinstance(table, Table)
+    for medium in (
+        terminal(diff_told(found)),
+        rendered(diff_told(found)),
+        html.unescape(found._repr_html_()),
+    ):
+        order(cells(table), medium)

@@ -12,7 +12,7 @@ from calibrary.arguments import Stated
 from calibrary.calibration import Calibration
 from calibrary.cli.main import main
 from calibrary.jobs.diff.comparison import compare
-from calibrary.jobs.diff.page import comparison_page
+from calibrary.jobs.diff.told import told as told_diff
 from calibrary.jobs.extract.told import _origin as extracted
 from calibrary.jobs.site.building import entry_files
 from calibrary.jobs.site.folder import Place
@@ -61,7 +61,7 @@ SHOWS: dict[str, tuple[Callable[[], str], set[str]]] = {
     "registry show": (lambda: str(entry_rows(an_entry(provenance=MADE))), set(ABOUT)),
     "the page of a camera": (camera_page, set(ABOUT)),
     "the page of a comparison": (
-        lambda: render_page(comparison_page(compare(calibrated(), replace(calibrated(), notes=())), 100.0)),
+        lambda: render_page(told_diff(compare(calibrated(), replace(calibrated(), notes=())), 100.0)),
         LISTED,
     ),
     "the page of an extraction": (of_extract, LISTED - {"sha256"}),

@@ -18,7 +18,7 @@ from calibrary.errors import InputError
 from calibrary.jobs.desk.running import REPORT, SAME, desk_page, how, path_of, place_of, without_result
 from calibrary.jobs.desk.work import Job
 from calibrary.jobs.diff.comparison import compare
-from calibrary.jobs.diff.page import comparison_page
+from calibrary.jobs.diff.told import told
 from calibrary.jobs.files import read_arguments
 from calibrary.jobs.fleet import Fleet
 from calibrary.pages.wording import sentence
@@ -149,14 +149,14 @@ def compared(
     labels = names.get("file_a", one.label), names.get("file_b", two.label)
     with np.errstate(all="ignore"):
         found = compare(one.calibration, two.calibration, FLEET, labels=labels, altitude_m=height)
-        page = comparison_page(found, height)
+        page = told(found, height)
     stated = dict(zip("ab", labels, strict=True)) | {
         "altitude_m": f"{height:g}",
         "camera": asked.get("camera", ""),
     }
     stated = {name: text for name, text in stated.items() if text}
-    told = Section(title="This comparison", blocks=tuple(_to_keep(stated, names, place)))
-    return replace(page, sections=(*page.sections, told, _two(stated)))
+    keep = Section(title="This comparison", blocks=tuple(_to_keep(stated, names, place)))
+    return replace(page, sections=(*page.sections, keep, _two(stated)))
 
 
 def _named(fleet: Fleet, text: str) -> str:

@@ -17,7 +17,7 @@ from calibrary.jobs.audit.status import Kind, Matter
 from calibrary.jobs.desk.running import desk_page
 from calibrary.jobs.desk.work import Job
 from calibrary.jobs.diff.comparison import DiffReport
-from calibrary.jobs.diff.page import badge_of, comparison_sections
+from calibrary.jobs.diff.told import badge_of, comparison_sections
 from calibrary.jobs.fleet import Fleet
 from calibrary.jobs.fleet.changes import MATERIAL
 from calibrary.pages.wording import count, distortion_blocks, intrinsics_items, made_by

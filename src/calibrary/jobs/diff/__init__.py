@@ -53,7 +53,7 @@ def compare(
         RegistryError: neither a file nor an entry has the name.
     """
     from calibrary.admission import admission
-    from calibrary.jobs.diff import comparison, page
+    from calibrary.jobs.diff import comparison
     from calibrary.jobs.files import read_arguments
     from calibrary.pages import check_page_place, write_page
     from calibrary.policy_file import policy_of
@@ -75,7 +75,9 @@ def compare(
     if doubts:
         found = found.doubted(doubts)
     if place is not None:
-        write_page(place, page.comparison_page(found, altitude_m))
+        from calibrary.jobs.diff.told import told
+
+        write_page(place, told(found, altitude_m))
     return found
 
 
@@ -106,7 +108,7 @@ def compare_fleet(
         UsageError: not one of ``since`` and ``firmware`` is given, or the latter is no OLD..NEW.
         RegistryError: there is no such revision, or the registry cannot be read.
     """
-    from calibrary.jobs.diff import fleet, page
+    from calibrary.jobs.diff import fleet
     from calibrary.pages import check_page_place, write_page
     from calibrary.policy_file import policy_of
 
@@ -122,5 +124,7 @@ def compare_fleet(
         found = fleet.by_firmware(registry, old, new, policy_of(policy), reported)
         title = f"The fleet from firmware {old} to {new}"
     if place is not None:
-        write_page(place, page.fleet_page(found, title, altitude_m))
+        from calibrary.jobs.diff.told import told_fleet
+
+        write_page(place, told_fleet(found, title, altitude_m))
     return found

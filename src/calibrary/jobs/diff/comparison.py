@@ -15,13 +15,13 @@ from typing import Annotated, Final
 
 from calibrary.calibration import Calibration, ImageSize
 from calibrary.errors import CalibrationError
-from calibrary.interop.notebook import html_table
 from calibrary.jobs.diff.causes import causes, other_camera
 from calibrary.jobs.diff.frames import check_units, common_frame
 from calibrary.jobs.diff.numbers import Ground, Numbers, Parameter, numbers_of, what_moved
 from calibrary.jobs.diff.uncertainty import PRIORS, Basis, std_of
 from calibrary.jobs.diff.verdicts import ALARMING, ChangeVerdict, Kind, Structural, Use
 from calibrary.jobs.diff.wording import chance, listed, percent, pixels
+from calibrary.pages.notebook import in_notebook
 from calibrary.policy import FLEET, Policy
 from calibrary.records import Meta, Record, replace
 
@@ -188,12 +188,7 @@ class DiffReport(Record, tag_field="schema", tag="calibrary/diff-1", dict=True):
 
     def _repr_html_(self) -> str:
         """Return the verdict, the reasons and the advice as HTML, for notebooks."""
-        kinds = [("kind of change", one.kind.value) for one in self.structural]
-        reasons = [("why" if number == 0 else "", text) for number, text in enumerate(self.reasons)]
-        warnings = [("not known", text) for text in self.warnings]
-        verdict = f"{self.verdict.value}{', needs attention' if self.alarm else ''}"
-        rows = [("verdict", verdict), *kinds, *reasons, *warnings, ("what to do", self.advice)]
-        return html_table(f"{self.a.label} and {self.b.label}", rows)
+        return in_notebook(self)
 
 
 def compare(

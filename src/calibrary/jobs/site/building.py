@@ -16,7 +16,7 @@ import numpy as np
 from msgspec import Struct
 
 from calibrary.errors import InputError, RegistryError
-from calibrary.jobs.diff.page import badge_of
+from calibrary.jobs.diff.told import badge_of
 from calibrary.jobs.site.camera_page import (
     STATUSES,
     Step,

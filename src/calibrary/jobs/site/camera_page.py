@@ -23,7 +23,7 @@ from calibrary.calib.projection_difference import pixel_grid, projection_uncerta
 from calibrary.calibration import Calibration, Covariance
 from calibrary.errors import CalibraryError, InputError, first_of
 from calibrary.jobs.diff.comparison import DiffReport, compare
-from calibrary.jobs.diff.page import badge_of, comparison_sections
+from calibrary.jobs.diff.told import badge_of, comparison_sections
 from calibrary.jobs.diff.uncertainty import PRIORS, spread_of
 from calibrary.jobs.site.folder import INDEX, Place, way
 from calibrary.pages.plots import Axis, displacement

@@ -1,8 +1,10 @@
-"""Pages of comparisons: the verdict, all numbers, and the difference over the image and on the ground."""
+"""What a comparison shows: the verdict, all numbers, and the difference over the image and on the ground."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -26,6 +28,7 @@ from calibrary.view import (
     KeyValues,
     Link,
     Note,
+    Plots,
     Section,
     SideBySide,
     Table,
@@ -51,6 +54,16 @@ MEANINGS = {
 }
 IN_PX = frozenset({"fx", "fy", "cx", "cy", "skew"})
 
+PARAMETERS = (
+    Column("parameter"),
+    Column("A", numeric=True),
+    Column("σ of A", numeric=True, rank=2),
+    Column("B", numeric=True),
+    Column("σ of B", numeric=True, rank=2),
+    Column("Δ", numeric=True),
+    Column("Δ / σ", numeric=True, rank=1),
+)
+
 EVERY = 2
 """Step of the drawn points on the grid on which a difference was computed."""
 
@@ -58,19 +71,23 @@ MOST_SECTIONS = 200
 """Most comparisons of a fleet shown in full, worst first."""
 
 
-def comparison_page(comparison: DiffReport, altitude_m: float) -> View:
-    """Make the page of a comparison.
+def told(comparison: DiffReport, altitude_m: float | None = None) -> View:
+    """Describe a comparison of two calibrations.
 
     Args:
-        comparison: of two calibrations.
-        altitude_m: altitude above ground, for the effect on the ground.
+        comparison: the result.
+        altitude_m: altitude above ground, for the effect on the ground; by default as it was compared.
     """
     a, b = comparison.a, comparison.b
     camera = b.calibration.camera if b.calibration.camera.model is not None else a.calibration.camera
+    if altitude_m is None:
+        altitude_m = comparison.numbers.ground.altitude_m if comparison.numbers is not None else 100.0
+    badge = badge_of(comparison)
+    attention = ", needs attention" if comparison.alarm else ""
     return View(
         title=f"Has K moved? {camera}",
-        badge=badge_of(comparison),
-        lead=f"Use: {comparison.use.value}. {MEANINGS[comparison.verdict]}",
+        badge=badge,
+        lead=f"{badge.text}{attention}. {comparison.advice}",
         facts=tuple(_of_each(comparison)),
         sections=comparison_sections(comparison, altitude_m),
         made_by=made_by(f"from {a.label} and {b.label}"),
@@ -78,10 +95,8 @@ def comparison_page(comparison: DiffReport, altitude_m: float) -> View:
 
 
 def _of_each(comparison: DiffReport) -> Iterator[tuple[str, Cell]]:
-    """What A and B are called, and how they were made as far as it is known of either; once where both say the same."""
+    """How A and B were made as far as it is known of either; once where both say the same."""
     sides = (comparison.a, comparison.b)
-    for letter, side in zip("AB", sides, strict=True):
-        yield letter, side.label
     a, b = (dict(facts(side.calibration.provenance, traced=False)) for side in sides)
     for name in dict.fromkeys([*a, *b]):
         stated = [f"{letter}: {of[name]}" for letter, of in (("A", a), ("B", b)) if name in of]
@@ -102,18 +117,17 @@ def comparison_sections(comparison: DiffReport, altitude_m: float) -> tuple[Sect
     return tuple(sections)
 
 
-def fleet_page(found: FleetDiffReport, title: str, altitude_m: float) -> View:
-    """Make the page of all changed cameras of a fleet.
+def told_fleet(found: FleetDiffReport, title: str = "the fleet", altitude_m: float = 100.0) -> View:
+    """Describe all changed cameras of a fleet.
 
     Args:
         found: the changes.
         title: what was compared: "the fleet since v1.0".
         altitude_m: altitude above ground, for the effect on the ground.
     """
-    changes, nothing = found.changes, sentence(found.unmatched or "no entry differs")
+    changes, nothing = found.changes, found.unmatched or "no entry differs"
     alarms = sum(change.alarm for change in changes)
-    blocks = tuple(_overview(changes)) if changes else (Note(text=nothing, tone=_tone(found)),)
-    sections = [Section(title="Overview", anchor="overview", blocks=blocks)]
+    sections = [Section(title="Overview", anchor="overview", blocks=tuple(_overview(changes)))]
     sections += [
         Section(
             title=change.id,
@@ -124,12 +138,14 @@ def fleet_page(found: FleetDiffReport, title: str, altitude_m: float) -> View:
         )
         for n, change in enumerate(changes[:MOST_SECTIONS])
     ]
-    told = f"{count(len(changes), 'entry', 'entries')} changed, {alarms} to look at."
+    verdicts = Counter(_badge(change).text for change in changes)
+    counts = ", ".join(f"{number} {verdict}" for verdict, number in verdicts.items())
+    judged = f"{alarms} need{'s' * (alarms == 1)} attention" if alarms else "nothing to do"
     return View(
         title=f"Has K moved? {title}",
         badge=Badge("look at it" if found.alarm else "nothing to look at", _tone(found)),
-        lead=told if changes else nothing,
-        sections=tuple(sections),
+        lead=f"{judged}: {count(len(changes), 'entry', 'entries')}: {counts}" if changes else nothing,
+        sections=tuple(sections) if changes else (),
         contents=False,
         made_by=made_by(),
     )
@@ -145,7 +161,8 @@ def badge_of(comparison: DiffReport) -> Badge:
 
 
 def _verdict(comparison: DiffReport) -> Iterator[Block]:
-    yield Note(text=comparison.advice, tone=badge_of(comparison).tone)
+    yield KeyValues((("A", comparison.a.label), ("B", comparison.b.label)))
+    yield MEANINGS[comparison.verdict]
     kinds = {one.reason: one.kind.value for one in comparison.structural}
     yield Bullets(
         tuple(
@@ -162,11 +179,10 @@ def _verdict(comparison: DiffReport) -> Iterator[Block]:
 
 
 def _in_numbers(numbers: Numbers) -> Iterator[Block]:
-    titles = ("parameter", "A", "σ of A", "B", "σ of B", "Δ", "Δ / σ")
     width, height = numbers.a.intrinsics.image_size
     table = Table(
         caption=f"Every parameter of both, at {width} × {height} px; fx, fy, cx, cy in px",
-        columns=tuple(Column(title, numeric=at > 0) for at, title in enumerate(titles)),
+        columns=PARAMETERS,
         rows=tuple(_parameter(row) for row in numbers.parameters),
     )
     found = numbers.significance
@@ -213,7 +229,8 @@ def _over_the_image(numbers: Numbers) -> Iterator[Block]:
         "A camera that is free to turn takes up a part of any difference, and a reconstruction turns it so; "
         "that rotation is taken out first."
     )
-    yield SideBySide(tuple(_maps(numbers, seen.region & ~unknown)))
+    if round(seen.max_px, 3):
+        yield Plots(partial(_maps, numbers, seen.region & ~unknown))
 
 
 def _maps(numbers: Numbers, known: BoolArray) -> Iterator[Figure]:
@@ -297,34 +314,33 @@ def _tone(found: FleetDiffReport) -> Tone:
     return Tone.BAD if found.alarm else Tone.GOOD
 
 
+CHANGES = (
+    Column("entry", lambda row: row[0]),
+    Column("verdict", lambda row: _badge(row[1])),
+    Column("Δf / f", lambda row: _if_known(row[1].focal_change, percent), numeric=True, rank=1),
+    Column("difference (RMS)", lambda row: _if_known(row[1].rms_px, pixels), numeric=True, rank=2),
+    Column("largest", lambda row: _if_known(row[1].max_px, pixels), numeric=True, rank=3),
+    Column("reason", lambda row: _reason(row[1]), below=""),
+)
+
+
 def _overview(changes: Sequence[EntryChange]) -> Iterator[Block]:
-    columns = (
-        Column("entry"),
-        Column("verdict"),
-        Column("Δf / f", numeric=True),
-        Column("difference (RMS)", numeric=True),
-        Column("largest", numeric=True),
-        Column("reason"),
-    )
-    yield Table(
-        caption="Every entry that changed, those to look at first",
-        columns=columns,
-        rows=tuple(_row(n, change) for n, change in enumerate(changes)),
-    )
+    rows = [
+        (Link(change.id, f"#entry-{n}") if n < MOST_SECTIONS else change.id, change)
+        for n, change in enumerate(changes)
+    ]
+    yield Table.of("Every entry that changed, those to look at first", rows, CHANGES)
     if len(changes) > MOST_SECTIONS:
         yield f"The {len(changes) - MOST_SECTIONS} least of them are in this table only."
 
 
-def _row(n: int, change: EntryChange) -> tuple[Cell, ...]:
-    kinds = ", ".join(change.structural) if change.verdict is not None else change.reasons[0]
-    return (
-        Link(change.id, f"#entry-{n}") if n < MOST_SECTIONS else change.id,
-        _badge(change),
-        minus(percent(change.focal_change)) if change.focal_change is not None else "–",
-        pixels(change.rms_px) if change.rms_px is not None else "–",
-        pixels(change.max_px) if change.max_px is not None else "–",
-        kinds or "–",
-    )
+def _if_known(value: float | None, told: Callable[[float], str]) -> str:
+    return minus(told(value)) if value is not None else "–"
+
+
+def _reason(change: EntryChange) -> str:
+    """Of what is compared, that its badge does not say; of what cannot be, why."""
+    return change.reasons[0] if change.verdict is None and change.alarm else ""
 
 
 def _badge(change: EntryChange) -> Badge:

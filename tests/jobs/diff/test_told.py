@@ -10,10 +10,10 @@ import numpy as np
 from calibrary.distortion import NoDistortion
 from calibrary.jobs.diff.comparison import DiffReport, compare
 from calibrary.jobs.diff.fleet import FleetDiffReport, entry_change
-from calibrary.jobs.diff.page import comparison_page, fleet_page
+from calibrary.jobs.diff.told import told, told_fleet
 from calibrary.pages import render_page
 from calibrary.records import replace
-from calibrary.view import Figure, SideBySide, Tone, View
+from calibrary.view import Figure, Plots, Tone, View
 from tests.jobs.diff.cameras import camera, changed
 from tests.jobs.diff.test_comparison import measured, with_focal
 from tests.pages.gallery import HOSTILE
@@ -21,7 +21,7 @@ from tests.registry.entries import FILE, an_entry
 
 
 def page_of(comparison: DiffReport, altitude_m: float = 100.0) -> View:
-    return comparison_page(comparison, altitude_m)
+    return told(comparison, altitude_m)
 
 
 def text(page: View) -> str:
@@ -30,8 +30,8 @@ def text(page: View) -> str:
 
 
 def maps(page: View) -> list[Figure]:
-    rows = [block for section in page.sections for block in section.blocks if isinstance(block, SideBySide)]
-    return [block for row in rows for block in row.blocks if isinstance(block, Figure)]
+    rows = [block for section in page.sections for block in section.blocks if isinstance(block, Plots)]
+    return [plot for row in rows for plot in row.draw()]
 
 
 def test_a_drift_is_shown_with_its_numbers() -> None:
@@ -127,7 +127,7 @@ def test_hostile_labels_and_sources_are_text() -> None:
         one, provenance=replace(one.provenance, source=HOSTILE[0], operator=HOSTILE[2], tool=HOSTILE[3])
     )
     labels = (HOSTILE[0], HOSTILE[1])
-    page = comparison_page(compare(hostile, changed(one, fx=3700.0), labels=labels), 100.0)
+    page = told(compare(hostile, changed(one, fx=3700.0), labels=labels), 100.0)
     raw = render_page(page)
     assert "<script" not in raw
     assert "<img" not in raw
@@ -141,17 +141,17 @@ def test_a_fleet_is_a_table_that_leads_to_each_comparison() -> None:
         entry_change("dji/broken", None, reason="the frames were turned", alarm=True),
         entry_change("dji/new", None, reason="new"),
     )
-    page = fleet_page(FleetDiffReport(changes=changes), "The fleet since v1", 100.0)
+    page = told_fleet(FleetDiffReport(changes=changes), "The fleet since v1", 100.0)
     raw, printed = render_page(page), text(page)
     assert set(re.findall(r'<a href="#(entry-\d)"', raw)) == set(re.findall(r'<h2 id="(entry-\d)"', raw))
-    assert "3 entries changed" in printed
+    assert "2 need attention: 3 entries" in printed
     assert "The frames were turned." in printed
     assert page.badge is not None
     assert page.badge.tone is Tone.BAD
 
 
 def test_a_fleet_in_which_nothing_changed_says_so() -> None:
-    page = fleet_page(FleetDiffReport(changes=()), "The fleet since v1", 100.0)
-    assert "No entry differs." in text(page)
+    page = told_fleet(FleetDiffReport(changes=()), "The fleet since v1", 100.0)
+    assert "no entry differs" in text(page)
     assert page.badge is not None
     assert page.badge.tone is Tone.GOOD
