@@ -30,7 +30,7 @@ from time import process_time
 from urllib.parse import urlsplit
 from urllib.request import urlopen
 
-from benchmarks.registry_entries import approving, entry, founding, key_of
+from benchmarks.registry_entries import approving, entry, fill, key_of
 from benchmarks.table import machine, row, show
 from calibrary import open_registry
 from calibrary.calibration import CameraKey
@@ -50,7 +50,7 @@ GOAL_PER_S = 1000.0
 def registry_of(folder: Path, count: int) -> Path:
     """A registry of so many entries, in one commit."""
     repo = create(folder, durable=False)
-    write(repo, founding(repo, map(entry, range(count))), "Import\n")
+    fill(repo, range(count))
     return folder
 
 

@@ -38,7 +38,6 @@ from calibrary.records import replace
 from calibrary.registry.configuration import configuration_yaml, parse_configuration
 from calibrary.registry.entry import Alias, Entry, Status
 from calibrary.registry.entry_yaml import entry_yaml
-from calibrary.registry.git.objects import blob_id
 from calibrary.registry.git.remotes import clone
 from calibrary.registry.git.repository import Repository, create, maintain
 from calibrary.registry.git.writing import Change, File, Person, Step, stream, write
@@ -95,27 +94,33 @@ def entry(number: int) -> Entry:
     return Entry(calibration=calibration, status=Status.APPROVED, aliases=named)
 
 
-def founding(repo: Repository, entries: Iterable[Entry]) -> list[Change]:
-    """Files of a new registry with entries that are in use."""
+def founding(repo: Repository) -> list[Change]:
+    """Files of a new registry."""
     configuration = configuration_yaml()
-    files = {one.path: (one, entry_yaml(one)) for one in entries}
-    adopted = {path: (one, blob_id(data)) for path, (one, data) in files.items()}
     return [
         Change(path="registry.yaml", data=configuration),
-        *(Change(path=path, data=data) for path, (_, data) in files.items()),
-        *founded(repo, parse_configuration(configuration).rules, adopted),
+        *founded(repo, parse_configuration(configuration).rules),
     ]
 
 
 def approving(snapshot: Snapshot, one: Entry) -> tuple[Change, ...]:
     """Files of the statement that approves an entry."""
-    return stated(snapshot, [Act(action="approve", entry=one, data=entry_yaml(one))], None).changes
+    return stated(snapshot, [Act(action="approve", entry=one)], None).changes
+
+
+def fill(repo: Repository, numbers: Iterable[int]) -> None:
+    """Found a registry, and put entries to use in one commit."""
+    write(repo, founding(repo), "Create\n")
+    made = [*map(entry, numbers)]
+    acts = [Act(action="approve", entry=one) for one in made]
+    files = [Change(path=one.path, data=entry_yaml(one)) for one in made]
+    write(repo, [*files, *stated(open_snapshot(repo.path), acts, None).changes], "Import\n")
 
 
 def registry_of(folder: Path, entries: int) -> Snapshot:
     """A packed bare registry."""
     repo = create(folder, bare=True, durable=False)
-    write(repo, founding(repo, map(entry, range(entries))), "Import\n")
+    fill(repo, range(entries))
     maintain(repo)
     repo.close()
     return open_snapshot(folder)
@@ -374,7 +379,7 @@ def warm(snapshot: Snapshot, entries: int) -> None:
 def revised(folder: Path, count: int) -> Entry:
     """A packed bare registry of one entry that was changed very often; the entry as it was at first."""
     repo, one = create(folder, bare=True, durable=False), entry(0)
-    write(repo, founding(repo, ()), "Begin\n")
+    write(repo, founding(repo), "Begin\n")
     start = datetime(2026, 1, 1, tzinfo=UTC)
     steps = [
         Step(

@@ -27,13 +27,12 @@ from pathlib import Path
 from threading import Thread
 from typing import Final
 
-from benchmarks.registry_entries import entry, founding
+from benchmarks.registry_entries import entry, fill
 from calibrary import records
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.remotes import clone
 from calibrary.registry.git.repository import create
-from calibrary.registry.git.writing import write
 from calibrary.registry.paths import proposal_path
 from calibrary.registry.registry import open_snapshot
 
@@ -289,7 +288,7 @@ class Soak:
         self.end = time.monotonic() + minutes * 60
         self.remote = folder / "remote.git"
         repo = create(self.remote, bare=True, durable=False)
-        write(repo, founding(repo, map(entry, range(PEOPLE * EACH))), "Import\n")
+        fill(repo, range(PEOPLE * EACH))
         repo.close()
         self.places = [folder / "fleet", folder / "other"]
         for place in self.places:

@@ -400,7 +400,9 @@ def check_range(
         *findings,
         *_of_strays(file.path for file in every if file.after is not None and not is_entry(file.path)),
         *_removed_statements(repo, start, end),
-        *of_statements(at_end, sorted(_concerned(repo, start, end, own, at_end))),
+        *of_statements(
+            at_end, sorted(_concerned(repo, start, end, {file.path for file in differing}, at_end))
+        ),
     )
     what = f"{count_of(len(own))} changed from {start[:12]} to {end[:12]}"
     return CheckDocument.of(what, len(own), findings, commit=end, before=start)
@@ -410,7 +412,7 @@ def _concerned(
     repo: Repository, start: str, end: str, own: Collection[str], at_end: Snapshot
 ) -> Iterator[str]:
     """Yield the entries whose standing a range may change."""
-    yield from (path for path in own if not is_proposal(path))
+    yield from (path for path in own if not is_proposal(path) and path in at_end.paths)
     for file in changed(repo, start, end, STATEMENTS):
         path = f"{file.path.removeprefix(STATEMENTS).rpartition('/')[0]}{SUFFIX}"
         if path in at_end.paths and path not in own:
@@ -484,19 +486,12 @@ def of_statements(snapshot: Snapshot, paths: Iterable[str] | None = None) -> Ite
     wanted = [*snapshot.paths] if paths is None else [*paths]
     for path, standing in snapshot.standings(wanted).items():
         yield from _of_standing(path, standing)
+    book = snapshot.book
+    for path, why in book.findings(map(subject_of, wanted) if paths is not None else None):
+        yield _statement(path, f"a statement without effect: it {why}")
     if paths is not None:
         return
-    book = snapshot.book
-    for path, why in book.findings():
-        yield _statement(path, f"a statement without effect: it {why}")
-    for subject in sorted(book.read_all().keys() - {subject_of(path) for path in wanted}):
-        path = f"{subject}{SUFFIX}"
-        if path.startswith(ROOT) and book.in_force(subject, book.read_all()[subject]).content is not None:
-            yield replace(
-                finding_of(path, "approval", "is approved, and its file is gone"),
-                remedy="git revert restores it; 'calibrary registry retire KEY' ends its use",
-            )
-    if snapshot.configuration.rules != book.rulebook.epoch.rules:
+    if snapshot.configuration.rules != book.rulebook.people.rules:
         yield replace(
             _statement(CONFIGURATION_FILE, "asks for other approvals than those in force"),
             remedy="'calibrary registry approve registry.yaml' puts them in force",

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from contextlib import suppress
-from datetime import date
 from functools import partial
 from typing import Annotated, Any, Final
 
@@ -48,9 +47,9 @@ entries: "calibrary/entry-{entries}"
 policy: "{policy}"
 # Whose approval it takes before an entry is used. Where people have keys, what they state is signed with them, such as
 # people: [{{name: "Ada", keys: ["ssh-ed25519 AAAA…"]}}, {{name: "Bob", keys: ["ssh-ed25519 AAAB…"]}}]
-# approvals: {{by: ["Ada", "Bob"], count: 2, not_author: true}}
+# approvals: {{by: ["Ada", "Bob"], count: 2}}
 # A change of these two takes effect with 'calibrary registry approve registry.yaml'.
-{approvals}"""
+"""
 
 
 FINGERPRINT: Final = re.compile(r"(?:[0-9A-Fa-f]{4} *){10}")
@@ -63,12 +62,10 @@ class ApprovalRule(Record):
         by: people whose approvals count: names of people:, or where those have no keys names or addresses as in git; if
             empty, all people. Registries of layout 1 may have public ssh keys or OpenPGP fingerprints here.
         count: required number of different people.
-        not_author: whether the approval of the proposal's author does not count.
     """
 
     by: Annotated[tuple[Annotated[str, Meta(min_length=1, max_length=2000)], ...], Meta(max_length=200)] = ()
     count: Annotated[int, Meta(ge=1, le=20)] = 1
-    not_author: bool = False
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -87,18 +84,10 @@ class Keyholder(Record):
     Attributes:
         name: name, by which approvals: may ask for this person.
         keys: public ssh keys; no key is of two people.
-        since, until: first and last day on which this person's statements count, by the day that they state.
     """
 
     name: Annotated[str, Meta(min_length=1, max_length=200)]
     keys: Annotated[tuple[Annotated[str, Meta(min_length=1, max_length=4000)], ...], Meta(max_length=20)] = ()
-    since: date | None = None
-    until: date | None = None
-
-    def counts_on(self, day: str) -> bool:
-        """Return whether a statement of a day (ISO 8601) counts."""
-        first, last = (one.isoformat() if one is not None else None for one in (self.since, self.until))
-        return (first is None or first <= day) and (last is None or day <= last)
 
 
 class RuleSet(Record):
@@ -159,7 +148,7 @@ class RuleSet(Record):
             if unknown := [name for name in rule.by if name not in able]:
                 return f"approvals: by names {unknown[0]}, who has no key in people:"
             asked = [*rule.by] or [*able]
-            if len(set(asked)) < rule.count + (rule.not_author and set(asked) == able):
+            if len(set(asked)) < rule.count:
                 return f"approvals: {rule.count} approvals cannot come together from {len(set(asked))} people"
         return None
 
@@ -240,15 +229,13 @@ class Configuration(Record, tag_field="schema", tag="calibrary/registry-1"):
         return schema | {"required": ["schema", "layout"], "patternProperties": {"^x-": {}}}
 
 
-def configuration_yaml(policy: str = FLEET.name, *, not_author: bool = False) -> bytes:
+def configuration_yaml(policy: str = FLEET.name) -> bytes:
     """Return the file for a new registry.
 
     Args:
         policy: name of an included policy.
-        not_author: whether the approval of the proposal's author does not count.
     """
-    approvals = "approvals: {not_author: true}\n" if not_author else ""
-    text = TEXT.format(layout=LAYOUT, entries=CURRENT, policy=policy, models=DOCUMENT, approvals=approvals)
+    text = TEXT.format(layout=LAYOUT, entries=CURRENT, policy=policy, models=DOCUMENT)
     return text.encode()
 
 

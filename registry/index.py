@@ -45,7 +45,7 @@ from calibrary.registry.paths import (
 )
 from calibrary.registry.resolution import AliasMap
 from calibrary.registry.standing import Standing
-from calibrary.registry.statements import RULES, parse_statement
+from calibrary.registry.statements import RULES, Signed, parse_statement
 from calibrary.strictyaml import load_yaml
 
 Mention: TypeAlias = tuple[str, str, str, str]
@@ -543,7 +543,7 @@ def _all_labels(repo: Repository, files: Mapping[str, str]) -> Iterator[Mention]
     """Yield the labels that statements give to units; whether they are in force is seen when they are looked up."""
     for path, data in zip(files, repo.readable([*files.values()]), strict=True):
         one = parse_statement(path, data)
-        label = one.body.label if one.body is not None else None
+        label = one.body.label if isinstance(one, Signed) else None
         if label:
             yield path, NAMED, match_key(label), path.removeprefix(STATEMENTS).rpartition("/")[0]
 

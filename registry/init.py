@@ -188,8 +188,8 @@ One YAML file per camera, in `cameras/<make>/<model>/<variant>.yaml`; what is pr
 same path in `proposals/`, and nothing uses it. A unit with its own calibration has a folder
 `sn-<hash>/` between the two; the serial number itself is not stored. The history of a camera is the git history of
 its file. `registry.yaml` is the configuration: the schema versions, the limits that entries are checked against, and
-who approves. `statements/` says what is approved and retired, and by whom: small files, signed where people have
-keys, that are only ever added. A file in `cameras/` that no statement approves is not used.
+who approves. `statements/` says what is approved and retired, when, and by whom: files with the approved content,
+signed where people have keys, that are only ever added. A file in `cameras/` that no statement approves is not used.
 
 ## An entry
 

@@ -83,7 +83,9 @@ SINGLE_FILES = frozenset(
 )
 WORKFLOW = re.compile(r"\.github/workflows/[a-z0-9][a-z0-9._-]*\.yml\Z")
 SCHEMA = re.compile(r"schema/[a-z0-9][a-z0-9._-]*\.json\Z")
-STATEMENT = re.compile(r"statements/(?:[a-z0-9_][a-z0-9._~+-]*/){1,7}[0-9a-f]{32,64}\Z")
+STATEMENT = re.compile(
+    r"statements/(?:[a-z0-9_][a-z0-9._~+-]*/){1,7}\d{4}-\d\d-\d\d-[a-z]+-[a-z0-9._~-]+-[0-9a-f]{32}\.json\Z"
+)
 NAME = re.compile(r"[a-z0-9_][a-z0-9._~+-]*\Z")
 
 

@@ -906,9 +906,9 @@ def save(
     else:
         found = stated(snapshot, acts, terms.reason, author=author)
     if found.missing:
-        # The approval refers to the proposed content; the last approver moves the entry into use.
         named = next(iter(found.missing)) if len(acts) == 1 else f"{len(acts)} cameras"
-        note, changes = replace(note, subject=f"Approve {named}, with others to follow"), []
+        note = replace(note, subject=f"Approve {named}, with others to follow")
+        changes = [_as_proposal(snapshot, one) for one in due if one.approves is None and not one.replaced]
     written = write_changes(
         registry.repo,
         [*changes, *found.changes],
@@ -922,30 +922,26 @@ def save(
     return replace(written, paths=paths, warnings=(*written.warnings, *found.warnings, *unused))
 
 
-ACTIONS: Final[Mapping[Status, Action]] = {
-    Status.DRAFT: "propose",
-    Status.APPROVED: "approve",
-    Status.RETIRED: "retire",
-}
+def _as_proposal(snapshot: Snapshot, one: Proposal) -> Change:
+    """Return the file of an entry that waits for more approvals."""
+    path = proposal_path(one.path)
+    draft = replace(one.entry, status=Status.DRAFT, reason=None)
+    return Change(path=path, data=entry_yaml(draft, one.formers), base=snapshot.proposed.get(path))
+
+
+ACTIONS: Final[Mapping[Status, Action]] = {Status.APPROVED: "approve", Status.RETIRED: "retire"}
 
 
 def _act(one: Proposal) -> Act | None:
-    """Return what a person does with an entry by writing it; None if a proposal is withdrawn."""
-    if one.data is None:
+    """Return what a person states of an entry by writing it; None if that is nothing."""
+    if one.data is None or (one.entry.status is Status.DRAFT and not needs_no_approval(one)):
         return None
-    action: Action = "retire" if one.start is not None else ACTIONS[one.entry.status]
-    is_proposed = one.approves is not None or (
-        one.current is not None and one.current.is_usable and differs_in_status_only(one)
-    )
+    action: Action = "retire" if one.start is not None else ACTIONS.get(one.entry.status, "label")
     if needs_no_approval(one):
         action = "label"
     return Act(
         action=action,
         entry=one.entry,
-        data=one.data,
         start=one.start,
-        is_proposed=is_proposed,
         brought=one.brought,
-        # Of several approvals only the last writes the file, and another proposal may take this one's place.
-        blob=one.approves if one.replaced else None,
     )

@@ -29,13 +29,10 @@ def rules_text(rules: RuleSet) -> str:
     lines = []
     for one in rules.people:
         blobs = [blob for key in one.keys if (blob := key_blob(key)) is not None]
-        days = [f"since {one.since}"] if one.since is not None else []
-        days += [f"until {one.until}"] if one.until is not None else []
-        lines.append(" ".join([one.name, *map(fingerprint, blobs), *days]))
+        lines.append(" ".join([one.name, *map(fingerprint, blobs)]))
     rule = rules.approvals
     of_whom = f" of {', '.join(rule.by)}" if rule.by else ""
-    another = ", not by who proposed it" if rule.not_author else ""
-    lines.append(f"{rule.count} approval{'s' if rule.count > 1 else ''}{of_whom}{another}")
+    lines.append(f"{rule.count} approval{'s' if rule.count > 1 else ''}{of_whom}")
     return "\n".join(lines)
 
 

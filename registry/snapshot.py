@@ -11,7 +11,7 @@ import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from datetime import date
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any
@@ -35,6 +35,7 @@ from calibrary.registry.paths import (
     PROPOSED,
     ROOT,
     STATEMENTS,
+    SUFFIX,
     find_paths,
     folder_of,
     id_of,
@@ -48,7 +49,7 @@ from calibrary.registry.paths import (
 )
 from calibrary.registry.resolution import RegistryIndex, Resolution
 from calibrary.registry.standing import Book, Standing, label_subject, standing_of
-from calibrary.registry.statements import RULES, content_of, subject_of
+from calibrary.registry.statements import RULES, subject_in, subject_of
 
 MOST_INDICES = 256
 """Models of which the entries stay in memory."""
@@ -127,7 +128,7 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         Raises:
             RegistryError: there is no registry in the folder, or it cannot be listed.
         """
-        return MappingProxyType({**_entries_in(self._files, ROOT), **self._unmoved(self.proposed)})
+        return MappingProxyType({**_entries_in(self._files, ROOT), **self._unfiled()})
 
     @cached_property
     def proposed(self) -> Mapping[str, str | None]:
@@ -138,10 +139,16 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         """
         return MappingProxyType(_entries_in(self._files, PROPOSED))
 
-    def _unmoved(self, proposed: Iterable[str]) -> dict[str, str | None]:
-        """Return the paths in use of proposals that are approved: of two who approve one at once, nobody moves it."""
-        new = [path for one in proposed if (path := in_use_path(one)) not in self._files]
-        return {path: None for path, one in self.standings(new).items() if one.data is not None}
+    def _unfiled(self, *folders: str) -> dict[str, str | None]:
+        """Return the paths in use without a file: an approval holds its content, so that nobody has to move one."""
+        if not self.is_stated:
+            return {}
+        repo, commit = self.require_git("has no statements")
+        said = repo.listing(commit, *(f"{STATEMENTS}{folder}" for folder in folders or (ROOT,)))
+        paths = {f"{subject_in(path)}{SUFFIX}" for path in said}
+        new = sorted(path for path in paths - self._files.keys() if path.startswith(ROOT) and is_entry(path))
+        standings = self.standings(new).items()
+        return {path: None for path, one in standings if one.data is not None or one.problem is not None}
 
     @cached_property
     def strays(self) -> tuple[str, ...]:
@@ -226,7 +233,7 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         followed = self.contents.seen(self._ref, [FOLLOWED]).get(FOLLOWED, ()) if self._is_tip else ()
         found = Book(repo, commit, known=self._founded_as, followed=followed)
         if self._is_tip and found.rulebook.current not in followed:
-            rules = {RULES: [found.rulebook.foundation], FOLLOWED: [*found.rulebook.epochs]}
+            rules = {RULES: [found.rulebook.foundation], FOLLOWED: [*found.rulebook.chain]}
             self.contents.file.remember(self._ref, rules)
         return found
 
@@ -248,7 +255,6 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         return self.standings([path]).get(path)
 
     def _stand(self, paths: Sequence[str]) -> dict[str, Standing]:
-        repo, _ = self.require_git("has no statements")
         book, subjects = self.book, [subject_of(path) for path in paths]
         if len(paths) > MANY:
             book.read_all()
@@ -261,13 +267,8 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
             files = (stated.get(path), stated.get(proposal_path(path)))
             entry, proposed = (one if isinstance(one, Entry) else None for one in files)
             statements = book.statements(subject)
-            in_force = book.in_force(
-                subject,
-                statements,
-                expected=known.get(subject, ()),
-                have=partial(content_of, entry) if entry is not None else lambda: None,
-            )
-            found[path] = standing_of(book, repo, path, entry, in_force, proposed)
+            in_force = book.in_force(subject, statements, expected=known.get(subject, ()))
+            found[path] = standing_of(book, path, entry, in_force, proposed, has_file=path in self._files)
             if in_force.problem is None:
                 seen[subject] = [one.id for one in statements]
         if self._is_tip and any(seen.values()):
@@ -640,7 +641,7 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         if len(self._indices) >= MOST_INDICES:
             self._indices.clear()
         self._indices[folders] = RegistryIndex(
-            [*(path for path in listed if not is_proposal(path)), *self._unmoved(proposed)],
+            [*(path for path in listed if not is_proposal(path)), *self._unfiled(*folders)],
             self.read,
             proposed=proposed,
             aliases=lambda: aliases,

@@ -1,44 +1,39 @@
 """Statements: small signed files in the tree of a registry that say what is approved or retired, and by whom.
 
-A statement is a file ``statements/<subject>/<32 hex>``: canonical JSON, then the signature in the form of ssh-keygen.
-The name is the SHA-256 of the JSON. Files are only ever added. They are content, so that they survive a squash, a
-rebase, a cherry-pick and a force push of the history.
-
-The order of a subject's statements comes from the statements themselves: each names those that were the newest when it
-was made (``after``). Neither git's history nor a clock orders them.
+A statement is a file ``statements/<subject>/<day>-<action>-<who>-<32 hex>.json``: JSON, then the signature in the form
+of ssh-keygen. The digits are of the SHA-256 of the JSON. Files are only ever added, and never changed or moved. An
+approval holds the content that it approves, so that no change of another file takes it away. What they put in force
+does not depend on their order; see :mod:`calibrary.registry.in_force`.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from datetime import date
 from typing import Any, Final, Literal
 
 import msgspec
-from msgspec import Struct, field
+from msgspec import Struct, field, structs
 
 from calibrary.errors import InputError
-from calibrary.records import Json, to_json
+from calibrary.records import Json, from_json, to_json
 from calibrary.registry.configuration import RuleSet
-from calibrary.registry.entry import Entry
-from calibrary.registry.paths import STATEMENTS, SUFFIX
+from calibrary.registry.entry import Entry, Status
+from calibrary.registry.paths import STATEMENTS, SUFFIX, slug
 from calibrary.registry.sshsig import ARMOR, BadSignatureError, fingerprint, signed_by
 
 NAMESPACE: Final = "calibrary-statement-1"
 RULES: Final = "rules"
 """Subject of the statements on who may approve."""
 FOUNDATION: Final = "found"
-LEDGERS: Final = f"{STATEMENTS}closed/"
-"""Lists that a foundation or a change of the rules names by their digest."""
-LARGEST_STATEMENT: Final = 256 << 10
+LARGEST_STATEMENT: Final = 1 << 20
 FREE: Final = ("status", "reason", "label", "tags", "notes")
 """Fields of an entry that an approval does not cover: they do not decide which K an image gets."""
-NAME: Final = re.compile("[0-9a-f]{32}")
+DIGITS: Final = 32
 
-Action = Literal["found", "rules", "propose", "approve", "retire", "label"]
+Action = Literal["found", "rules", "approve", "retire", "label"]
 
 
 class Body(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -46,51 +41,59 @@ class Body(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_d
 
     Attributes:
         action: what is stated.
-        registry: id of the foundation; empty in the foundation itself.
-        rules: id of the rules in force when it was made; empty in the foundation.
+        person, email: who says so; where people have keys, their keys decide.
+        made: when, for people; nothing is decided by it.
+        reason: why.
         subject: what it is about: an entry's path without its ending, ``labels/<unit>``, or ``rules``.
-        after: ids of the statements on this subject that were the newest.
-        content: digest of the entry without status, reason, label, tags and notes; see :func:`content_of`.
-        blob: git's id of a file with this content, to find it again.
+        registry: id of the foundation; empty in the foundation itself.
+        replaces: ids of the contents that the approved one takes the place of.
+        restores: ids of the retirements that do not end it.
+        contents: ids of the contents that a retirement ends; None for all that do not restore themselves.
         start: first day of a retirement; None if it is of all days.
         label: name of a unit; empty if it has none any more.
-        reason: why.
-        person, email: who says so.
-        made: when, for people; nothing is decided by it but the first and last day of a person.
+        over: ids of the labels, or of the changes of the rules, that this one was made after.
+        previous: id of the rules that a change of the rules follows.
+        keeps: ids of contents and statements that stay in force although the new rules do not allow them.
         terms: people and requirements of a foundation or a change of the rules.
-        ledger: digests of the lists that it names, by the part of the subjects: what a foundation adopts, which
-            statements there were when the rules changed.
+        content: the approved entry, without what an approval does not cover.
     """
 
-    schema: Literal["calibrary/statement-1"] = "calibrary/statement-1"
+    schema: Literal["calibrary/statement-2"] = "calibrary/statement-2"
     action: Action
-    registry: str = ""
-    rules: str = ""
-    subject: str
-    after: tuple[str, ...] = ()
-    content: str | None = None
-    blob: str | None = None
-    start: date | None = field(name="from", default=None)
-    label: str | None = None
-    reason: str | None = None
     person: str
     email: str = ""
     made: str
+    reason: str | None = None
+    subject: str
+    registry: str = ""
+    replaces: tuple[str, ...] = ()
+    restores: tuple[str, ...] = ()
+    contents: tuple[str, ...] | None = None
+    start: date | None = field(name="from", default=None)
+    label: str | None = None
+    over: tuple[str, ...] = ()
+    previous: str = ""
+    keeps: tuple[str, ...] = ()
     terms: dict[str, Any] | None = None
-    ledger: dict[str, str] | None = None
+    content: dict[str, Any] | None = None
 
 
 class Signed(Struct, frozen=True, kw_only=True):
     """A statement as it was read, with the key of its signature.
 
     Attributes:
-        id: 32 hexadecimal digits.
+        path: path of its file.
         key: fingerprint of the key; None if it is not signed.
     """
 
-    id: str
+    path: str
     body: Body
     key: str | None
+
+    @property
+    def id(self) -> str:
+        """Its digits."""
+        return id_in(self.path)
 
     @property
     def subject(self) -> str:
@@ -104,17 +107,25 @@ class Broken(Struct, frozen=True, kw_only=True):
     Attributes:
         path: path of the file.
         why: in words.
-        body: what it says, if that is intact and only the signature is wrong.
+        ends: whether it may be a retirement.
     """
 
     path: str
     why: str
-    body: Body | None = None
+    ends: bool = False
 
     @property
     def id(self) -> str:
-        """Its name."""
-        return self.path.rpartition("/")[2]
+        """Its digits, if its name is that of a statement."""
+        return id_in(self.path)
+
+
+def id_in(path: str) -> str:
+    """Return the digits in the name of a statement's file."""
+    return path.removesuffix(ENDING)[-DIGITS:]
+
+
+ENDING: Final = ".json"
 
 
 def canonical(value: Json) -> bytes:
@@ -128,10 +139,37 @@ def sha256(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
+def approved_of(entry: Entry) -> dict[str, Any]:
+    """Return what an approval covers of an entry, as it stands in a statement."""
+    return {
+        name: _stated(value)
+        for name, value in to_json(entry).items()
+        if name not in FREE and _is_stated(value)
+    }
+
+
+def _stated(value: Json) -> Json:
+    if isinstance(value, dict):
+        return {name: _stated(one) for name, one in value.items() if _is_stated(one)}
+    return [_stated(one) for one in value] if isinstance(value, list) else value
+
+
+def _is_stated(value: Json) -> bool:
+    return value is not None and value not in ([], {})
+
+
 def content_of(entry: Entry) -> str:
     """Return the digest of everything in an entry that an approval covers, however its file is written."""
-    document = to_json(entry)
-    return sha256(canonical({name: value for name, value in document.items() if name not in FREE}))
+    return sha256(canonical(approved_of(entry)))
+
+
+def entry_in(content: Mapping[str, Any], source: str) -> Entry:
+    """Return the entry that a statement approves.
+
+    Raises:
+        InputError: it is none.
+    """
+    return from_json(Entry, {**content, "status": Status.APPROVED.value}, source=source)
 
 
 def subject_of(path: str) -> str:
@@ -139,14 +177,20 @@ def subject_of(path: str) -> str:
     return path.removesuffix(SUFFIX)
 
 
+def subject_in(path: str) -> str:
+    """Return the subject of a statement by its path."""
+    return path.removeprefix(STATEMENTS).rpartition("/")[0]
+
+
 def statement_path(body: Body) -> str:
     """Return the path of a statement."""
-    return f"{STATEMENTS}{body.subject}/{sha256(encoded(body))[:32]}"
+    name = f"{body.made[:10]}-{body.action}-{slug(body.person)}-{sha256(encoded(body))[:DIGITS]}{ENDING}"
+    return f"{STATEMENTS}{body.subject}/{name}"
 
 
 def encoded(body: Body) -> bytes:
     """Return the JSON of a statement, which is what is signed."""
-    return canonical(msgspec.to_builtins(body))
+    return msgspec.json.format(msgspec.json.encode(body), indent=1) + b"\n"
 
 
 def statement_bytes(body: Body, signature: str = "") -> bytes:
@@ -156,33 +200,46 @@ def statement_bytes(body: Body, signature: str = "") -> bytes:
 
 def parse_statement(path: str, data: bytes) -> Signed | Broken:
     """Read a statement and verify its signature, if it has one."""
-    folder, _, name = path.removeprefix(STATEMENTS).rpartition("/")
+    found = _parsed(path, data)
+    if isinstance(found, Broken):
+        return structs.replace(found, ends=may_end(path) or b'"action": "retire"' in data)
+    return found
+
+
+def may_end(path: str) -> bool:
+    """Return whether a file has the name of a retirement."""
+    return "-retire-" in path.rpartition("/")[2]
+
+
+def _parsed(path: str, data: bytes) -> Signed | Broken:
     if len(data) > LARGEST_STATEMENT:
         return Broken(path=path, why=f"is larger than {LARGEST_STATEMENT >> 10} KiB")
     at = data.find(ARMOR.encode())
     text, armor = (data, b"") if at < 0 else (data[:at], data[at:])
-    if NAME.fullmatch(name) is None or sha256(text)[:32] != name:
-        return Broken(path=path, why="its name is not the digest of what it says: it was edited or renamed")
     try:
-        plain = json.loads(text)
-        body = msgspec.convert(plain, Body)
-        if canonical(plain) != text:
-            return Broken(path=path, why="is not in the form that statements are written in")
-    except (ValueError, RecursionError, msgspec.ValidationError) as error:
+        body = msgspec.json.decode(text, type=Body)
+    except (ValueError, RecursionError) as error:
         return Broken(path=path, why=f"is not a statement: {error}")
-    if body.subject != folder:
-        return Broken(path=path, why=f"is about {body.subject} and lies with {folder}", body=body)
+    if encoded(body) != text:
+        return Broken(path=path, why="is not in the form that statements are written in")
+    if statement_path(body) != path:
+        return Broken(path=path, why="its name is not that of what it says: it was edited, moved or renamed")
     try:
         key = fingerprint(signed_by(text, armor.decode("ascii"), NAMESPACE)) if armor else None
     except (BadSignatureError, UnicodeDecodeError) as error:
-        return Broken(path=path, why=f"its signature is {error}", body=body)
-    return Signed(id=name, body=body, key=key)
+        return Broken(path=path, why=f"its signature is {error}")
+    return Signed(path=path, body=body, key=key)
 
 
-def state_after(previous: str, body: Body) -> str:
+def state_after(body: Body) -> str:
     """Return the id of the rules that a foundation or a change of the rules puts in force."""
-    stated: Json = {"previous": previous, "terms": body.terms, "ledger": dict(body.ledger or {})}
-    return sha256(canonical(stated))
+    stated: Json = {
+        "previous": body.previous,
+        "terms": body.terms,
+        "keeps": [*body.keeps],
+        "over": [*body.over],
+    }
+    return sha256(canonical(stated))[:DIGITS]
 
 
 def rule_set(body: Body) -> RuleSet:
@@ -194,33 +251,3 @@ def rule_set(body: Body) -> RuleSet:
     if body.terms is None:
         raise InputError("states no rules")
     return RuleSet.parsed(body.terms)
-
-
-def ledger_path(digest: str) -> str:
-    """Return the path of a part of a list."""
-    return f"{LEDGERS}{digest}"
-
-
-FEW: Final = 2000
-"""Lines of a list up to which it is one file."""
-
-
-def line_key(subject: str) -> str:
-    """Return the first word of a subject's lines in a list."""
-    return sha256(subject.encode())[:24]
-
-
-def ledger_files(lines: Mapping[str, Sequence[str]]) -> tuple[dict[str, str], dict[str, bytes]]:
-    """Return the digests of the parts of a list, and the files with them, by path.
-
-    Args:
-        lines: what the list says of each subject.
-    """
-    is_one = sum(map(len, lines.values())) <= FEW
-    parts: dict[str, list[str]] = {}
-    for subject, those in lines.items():
-        part = "" if is_one else sha256(subject.encode())[:2]
-        parts.setdefault(part, []).extend(f"{line_key(subject)} {line}\n" for line in those)
-    data = {part: "".join(sorted(those)).encode() for part, those in parts.items()}
-    digests = {part: sha256(text) for part, text in data.items()}
-    return digests, {ledger_path(digests[part]): text for part, text in data.items()}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from functools import partial
 from typing import Annotated, Final, Literal
 
 from msgspec import field
@@ -21,7 +20,7 @@ from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.program import check_url, without_secret
 from calibrary.registry.git.remotes import Pulled, Removed, set_remote
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.git.writing import Change, File
+from calibrary.registry.git.writing import Change
 from calibrary.registry.index import index_at
 from calibrary.registry.paths import (
     CAMERAS,
@@ -34,7 +33,8 @@ from calibrary.registry.paths import (
 )
 from calibrary.registry.proposals import Note, write_changes
 from calibrary.registry.registry import open_snapshot
-from calibrary.registry.statements import LEDGERS, parse_statement
+from calibrary.registry.snapshot import Snapshot
+from calibrary.registry.statements import content_of, id_in, subject_of
 from calibrary.registry.stating import Act, stated
 
 DEFAULT: Final = "origin"
@@ -136,9 +136,7 @@ def pull(
     """
 
     def pulled_now() -> Pulled:
-        done = remotes.pull(
-            repo, remote, combine=combined, removed=removed, accept=partial(_require_whole, repo)
-        )
+        done = remotes.pull(repo, remote, combine=combined, removed=removed)
         _forget(repo, done.before, done.commit)
         return done
 
@@ -167,7 +165,7 @@ def pull(
         raise RegistryError(
             f"pulled, but our version was not written; it is in commit {before}: {error}"
         ) from None
-    labelled = _state_labels(repo, conflicts)
+    labelled = _state_choices(repo, conflicts)
     return replace(
         pulled,
         before=before,
@@ -187,43 +185,33 @@ def _forget(repo: Repository, before: str | None, now: str | None) -> None:
         return
     gone = repo.listing(before, STATEMENTS).keys() - repo.listing(now, STATEMENTS).keys()
     if gone:
-        index_at(repo, now).file.forget(repo.head_ref or "HEAD", [path.rpartition("/")[2] for path in gone])
+        index_at(repo, now).file.forget(repo.head_ref or "HEAD", map(id_in, gone))
 
 
-def _require_whole(repo: Repository, files: Sequence[File], dropped: Collection[str]) -> None:
-    """Refuse own statements that were made after one that is given up.
-
-    Raises:
-        RegistryError: there is one; nobody could say what is in force then.
-    """
-    ids = {path.rpartition("/")[2] for path in dropped}
-    for file in files:
-        if not file.path.startswith(STATEMENTS) or file.data is None or file.path.startswith(LEDGERS):
-            continue
-        one = parse_statement(file.path, file.data)
-        body = one.body
-        if body is not None and ids & {*body.after}:
-            raise RegistryError(
-                f"{repo.path}: nothing was pulled: you {body.action} {body.subject} after a statement that the remote "
-                "gave up; --removed keep keeps both, or undo yours first: git revert"
-            )
-
-
-def _state_labels(repo: Repository, conflicts: Sequence[Conflict]) -> str | None:
-    """Put the label in force that the chosen version of each entry has; the commit, None if all are."""
+def _state_choices(repo: Repository, conflicts: Sequence[Conflict]) -> str | None:
+    """Put in force what the chosen version of each entry says; the commit, None if all is."""
     snapshot = open_snapshot(repo.path)
     if not snapshot.is_stated:
         return None
-    here = [one.path for one in conflicts if one.path in snapshot.paths]
+    here = [one.path for one in conflicts if snapshot.paths.get(one.path) is not None]
     chosen = [one for path in here if (one := _entry(snapshot.committed(path), path)) is not None]
-    acts = [Act(action="label", entry=one, data=None) for one in chosen]
-    made = stated(snapshot, acts, "both sides had changed it").changes
+    why = "both sides had changed it"
+    acts = [Act(action="approve" if _is_torn(snapshot, one) else "label", entry=one) for one in chosen]
+    try:
+        made = stated(snapshot, acts, why).changes
+    except RegistryError:
+        # Who may not approve leaves it to those who may: until then the entry is refused, and says so.
+        made = stated(snapshot, [Act(action="label", entry=one) for one in chosen], why).changes
     if not made:
         return None
     cameras = [one.id for one in chosen]
-    return write_changes(
-        repo, made, Note(subject="State the labels that were chosen", cameras=cameras)
-    ).commit
+    return write_changes(repo, made, Note(subject="State what was chosen", cameras=cameras)).commit
+
+
+def _is_torn(snapshot: Snapshot, entry: Entry) -> bool:
+    """Whether an entry is one of several contents that were approved at the same time."""
+    heads = snapshot.book.in_force(subject_of(entry.path)).heads()
+    return len(heads) > 1 and content_of(entry) in {one.says for one in heads}
 
 
 def propose(repo: Repository, remote: str = DEFAULT) -> SyncReport:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 import shutil
 import time
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Literal, TypeAlias
@@ -80,9 +80,6 @@ FETCH_OPTIONS = ("--upload-pack=git-upload-pack", "--no-recurse-submodules", "--
 
 Removed: TypeAlias = Literal["drop", "keep"]
 """What becomes of commits that a remote had and no longer has."""
-
-
-Accept: TypeAlias = Callable[[Sequence[File], Collection[str]], None]
 
 
 class Pulled(Struct, frozen=True, kw_only=True):
@@ -230,7 +227,6 @@ def pull(
     branch: str | None = None,
     combine: Combine | None = None,
     removed: Removed | None = None,
-    accept: Accept | None = None,
 ) -> Pulled:
     """Update a branch from a remote: fast-forward if possible, else repeat the local commits on top of the remote's.
 
@@ -240,7 +236,6 @@ def pull(
         branch: branch to update; by default the one that is checked out.
         combine: makes one content of two changes of a file; by default they are a conflict.
         removed: what becomes of commits that the remote had and no longer has; None refuses if there are any.
-        accept: called with the files of the local commits and the paths that are given up; refuses by raising.
 
     Raises:
         RewrittenError: the remote was rewritten, and commits that it had would come back; nothing was changed.
@@ -253,7 +248,7 @@ def pull(
     if theirs is None:
         short = ref.removeprefix("refs/heads/")
         raise NoBranchError(f"{repo.path}: {name} has no branch {short}")
-    pulled = _pull(repo, name, ref, theirs, gone, combine=combine, removed=removed, accept=accept)
+    pulled = _pull(repo, name, ref, theirs, gone, combine=combine, removed=removed)
     repo.run("update-ref", _exchanged(name, ref), theirs)
     return pulled
 
@@ -283,7 +278,6 @@ def _pull(
     *,
     combine: Combine | None,
     removed: Removed | None,
-    accept: Accept | None,
 ) -> Pulled:
     """Put a branch on top of the remote's, which no longer has ``gone``."""
     with writer_lock(repo.common_dir, wait_s=LOCK_WAIT_S) as lock:
@@ -300,9 +294,6 @@ def _pull(
             base = common_ancestor(repo, ours, theirs)
             without = gone if removed == "drop" else None
             steps, warnings = ours_on_theirs(repo, ours, theirs, combine=combine, without=without)
-            if accept is not None and without is not None:
-                dropped = repo.listing(without).keys() - repo.listing(theirs).keys()
-                accept([file for step in steps for file in step.files], dropped)
             move = partial(_move, repo, ref, ours, theirs, steps)
             # Dropped commits have changed files that theirs has not.
             starts = {base, ours} if gone is not None else {base}

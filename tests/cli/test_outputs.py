@@ -92,7 +92,7 @@ def content(path: Path) -> str:
 def masker(desk: Path) -> Callable[[str], str]:
     """Replaces what differs from run to run, by as many characters: tables stay as wide as they are."""
     commits = _git(desk / "new/fleet", "rev-list", "--all").split()
-    statements = [path.name for path in (desk / "new/fleet/statements").rglob("*") if path.is_file()]
+    statements = [path.stem[-32:] for path in (desk / "new/fleet/statements").rglob("*") if path.is_file()]
     numbers: dict[str, int] = {}
 
     def numbered(match: re.Match[str]) -> str:

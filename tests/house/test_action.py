@@ -39,7 +39,7 @@ def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
         add(xml(folder / "a.xml"), "--approve")
         # What it takes to approve is asked for from here on, by the branch that changes go to.
         rules = folder / "fleet/registry.yaml"
-        rules.write_text(rules.read_text() + "approvals: {not_author: true}\n")
+        rules.write_text(rules.read_text() + "approvals: {count: 2}\n")
         git(folder / "fleet", "commit", "--quiet", "-am", "Ask for a second person")
         asked = git(folder / "fleet", "rev-parse", "HEAD:registry.yaml")
         assert main(["registry", "approve", "registry.yaml", "--digest", asked]) == 0
@@ -51,7 +51,7 @@ def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
         add(xml(folder / "b.xml", size=(4864, 3648)), camera=CAMERA)
         git(work, "switch", "--quiet", "-c", "loosened", "main")
         rules = work / "registry.yaml"
-        rules.write_text(rules.read_text().replace("approvals: {not_author: true}\n", ""))
+        rules.write_text(rules.read_text().replace("approvals: {count: 2}\n", ""))
         git(work, "commit", "--quiet", "-am", "Ask for none")
         add(xml(folder / "c.xml", size=(4864, 3648)), camera=CAMERA)
         [proposed] = (work / "proposals").rglob("*.yaml")

@@ -56,10 +56,9 @@ def statements_on(registry: Registry, entries: Sequence[Entry]) -> Sequence[Chan
     for entry in entries:
         if entry.status is Status.DRAFT:
             continue
-        data = entry_yaml(entry)
-        acts.append(Act(action="approve", entry=entry, data=data))
+        acts.append(Act(action="approve", entry=entry))
         if entry.status is not Status.APPROVED:
-            acts.append(Act(action="retire", entry=entry, data=data))
+            acts.append(Act(action="retire", entry=entry))
     snapshot = registry.snapshot() if registry.repo.tip() is not None else None
     return stated(snapshot, acts, None).changes if snapshot is not None and snapshot.is_stated else ()
 

@@ -52,7 +52,7 @@ def test_a_content_that_is_missing_is_not_a_file_that_is_not_there(tmp_path: Pat
     registry.repo.close()
     snapshot = type(registry).open(tmp_path / "fleet").snapshot()
     with pytest.raises(RegistryError, match=f"lacks the content of a file, object {oid}"):
-        snapshot.read(entry.path)
+        snapshot.committed(entry.path)
 
 
 @pytest.mark.parametrize(

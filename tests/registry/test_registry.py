@@ -58,7 +58,9 @@ def test_an_entry_is_removed_by_its_base_and_what_is_no_entry_is_not_written(reg
     with pytest.raises(RegistryError):
         write_changes(registry.repo, [Change(path=entry.path, data=b"fx: 1\n", base=base)], note)
     write_changes(registry.repo, [Change(path=entry.path, data=None, base=base)], note)
-    assert entry.path not in registry.snapshot().paths
+    assert not (registry.repo.path / entry.path).exists()
+    # What is approved of it stays in use.
+    assert entry.path in registry.snapshot().paths
 
 
 def test_a_file_that_the_commit_does_not_hold_is_named(registry: Registry) -> None:

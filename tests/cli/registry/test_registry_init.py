@@ -33,13 +33,16 @@ FILES = [
     "registry.yaml",
     "schema/entry-1.schema.json",
     "schema/registry-1.schema.json",
-    "statements/rules/ID",
+    "statements/rules/FOUNDATION",
 ]
 
 
 def named(files: Iterable[str]) -> list[str]:
     """The files without the name of the first statement, which says when it was made."""
-    return [re.sub("(statements/rules/)[0-9a-f]{32}", r"\1ID", file) for file in files]
+    return [
+        re.sub("(statements/rules/).*-found-ada_keeper-[0-9a-f]{32}.json", r"\1FOUNDATION", file)
+        for file in files
+    ]
 
 
 def test_a_registry_begins_with_one_commit_that_says_what_it_is(

@@ -207,7 +207,9 @@ def test_an_entry_that_one_removed_and_the_other_changed_is_decided_too(
     code, _, err = run(capsys, "sync", "--registry", twin)
     assert (code, "theirs removed it" in err) == (4, True)
     assert run(capsys, "sync", "--registry", twin, "--theirs", "all")[0] == 0
-    assert [one.id for one in Registry.open(twin).snapshot().entries()] == [OTHER.id]
+    assert not (twin / MINE.path).exists()
+    # What is approved needs no file.
+    assert fx_of(twin) == 3500.0
 
 
 def test_keeping_ours_of_an_entry_that_they_removed_brings_it_back(
@@ -514,7 +516,7 @@ class TestStatements:
         assert fx_of(twin) == MINE.calibration.intrinsics.fx
 
     @pytest.mark.thorough
-    def test_an_own_approval_after_one_that_is_given_up_is_not_left_alone(
+    def test_an_own_approval_after_one_that_is_given_up_counts(
         self, two: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
     ) -> None:
         fleet, twin = two
@@ -522,11 +524,7 @@ class TestStatements:
         self.approve_for_both(fleet, twin, capsys)
         self.approve(twin, 3710.0)
         rewind(fleet, before)
-        assert run(capsys, "sync", "--removed", "drop", "--registry", twin)[0] == 4
-        code, _, err = run(capsys, "sync", "--removed", "drop", "--theirs", "all", "--registry", twin)
-        assert (code, fx_of(twin)) == (4, 3710.0)
-        assert "--removed keep keeps both" in err
-        assert run(capsys, "sync", "--removed", "keep", "--registry", twin)[0] == 0
+        assert run(capsys, "sync", "--removed", "drop", "--ours", "all", "--registry", twin)[0] == 0
         assert fx_of(twin) == 3710.0
 
     @pytest.mark.thorough

@@ -199,7 +199,7 @@ class TestApprovals:
         self, six: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         configuration = six / "registry.yaml"
-        text = f"{configuration.read_text()}\napprovals:\n  count: 2\n  not_author: true\n"
+        text = f"{configuration.read_text()}\napprovals:\n  count: 2\n"
         configuration.write_text(text)
         git(six, "commit", "-qam", "Two approve")
         base = commit_of(six)

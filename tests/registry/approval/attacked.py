@@ -27,7 +27,7 @@ from calibrary.registry.sshsig import Signer
 from calibrary.registry.statements import (
     NAMESPACE,
     Body,
-    content_of,
+    approved_of,
     encoded,
     statement_bytes,
     statement_path,
@@ -79,7 +79,7 @@ class Desk(Struct, frozen=True):
     def states(self, who: str, *acts: tuple[str, Entry], files: bool = True, **more: Any) -> None:
         """A person states something of entries, and writes their files."""
         registry = self.by(who)
-        done = [Act(action=what, entry=one, data=entry_yaml(one), **more) for what, one in acts]  # type: ignore[arg-type]
+        done = [Act(action=what, entry=one, **more) for what, one in acts]  # type: ignore[arg-type]
         found = stated(
             registry.snapshot(), done, "looked at", author=Person(name=who, email=f"{who}@example.com")
         )
@@ -112,15 +112,15 @@ class Desk(Struct, frozen=True):
 
     def body(self, entry: Entry, action: str = "approve", **more: Any) -> Body:
         """A statement on an entry as a forger writes it, after all that there is."""
-        book = Registry.open(self.fleet).snapshot().book.rulebook
-        told = [file.name for file in self.statements(entry)]
+        book = Registry.open(self.fleet).snapshot().book
+        found, approves = book.in_force(subject_of(entry.path)), action == "approve"
         members: dict[str, Any] = {
             "action": action,
-            "registry": book.foundation,
-            "rules": book.current,
+            "registry": book.rulebook.foundation,
             "subject": subject_of(entry.path),
-            "after": tuple(told),
-            "content": content_of(entry),
+            "content": approved_of(entry) if approves else None,
+            "replaces": tuple(sorted(one.id for one in found.heads())) if approves else (),
+            "restores": tuple(sorted(one.id for one in found.ends)) if approves else (),
             "person": "ada",
             "email": "ada@example.com",
             "made": "2026-05-01T10:00:00+00:00",
@@ -136,17 +136,11 @@ class Desk(Struct, frozen=True):
         return file
 
     def statements(self, entry: Entry, action: str | None = None) -> list[Path]:
-        """The statements on an entry, oldest first."""
+        """The statements on an entry, by the names of their people."""
         folder = self.fleet / "statements" / entry.path.removesuffix(".yaml")
         found = list(folder.iterdir()) if folder.is_dir() else []
-        read = [(json.loads(file.read_bytes().splitlines()[0]), file) for file in found]
-        depth: dict[str, int] = {}
-        while len(depth) < len(read):
-            for body, file in read:
-                if all(name in depth for name in body.get("after", ())):
-                    depth[file.name] = 1 + max((depth[name] for name in body.get("after", ())), default=0)
-        read.sort(key=lambda one: depth[one[1].name])
-        return [file for body, file in read if action in {None, body["action"]}]
+        of = (action or "",) if action else ("approve", "retire")
+        return sorted(file for file in found if any(f"-{one}-" in file.name for one in of))
 
     def put(self, entry: Entry, path: str | None = None) -> None:
         """An entry's file, written by hand."""

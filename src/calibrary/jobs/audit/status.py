@@ -17,13 +17,14 @@ from calibrary.jobs.audit.report import AuditReport, NotCompared, Rule
 from calibrary.records import Record
 from calibrary.registry.configuration import ApprovalRule, Repeat
 from calibrary.registry.entry import Entry, Status
-from calibrary.registry.git.history import history
+from calibrary.registry.git.history import Revision, history
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.writing import Person, identity
+from calibrary.registry.in_force import Content, People
 from calibrary.registry.paths import id_of, in_use_path
 from calibrary.registry.pending import Pending, pending
 from calibrary.registry.snapshot import Snapshot
-from calibrary.registry.standing import Book, Epoch
+from calibrary.registry.standing import Book
 from calibrary.registry.statements import Signed, content_of, subject_of
 from calibrary.registry.stating import who_states
 from calibrary.validation import Severity
@@ -97,14 +98,14 @@ class _Asker(Struct, frozen=True, kw_only=True):
 
     Attributes:
         person: as git names them; None without git.
-        epoch: the rules in force; None where no statements say what is approved.
+        people: the rules in force; None where no statements say what is approved.
         rule: what an approval takes.
         name: name in statements that count as this person's; None if theirs do not count.
         asked: names or addresses of those whose approval counts; empty for anybody's.
     """
 
     person: Person | None
-    epoch: Epoch | None
+    people: People | None
     rule: ApprovalRule
     name: str | None
     asked: tuple[str, ...]
@@ -112,37 +113,32 @@ class _Asker(Struct, frozen=True, kw_only=True):
     @classmethod
     def of(cls, snapshot: Snapshot) -> _Asker:
         """The person at this machine."""
-        repo, epoch = snapshot.repo, snapshot.book.rulebook.epoch if snapshot.is_stated else None
-        rules = epoch.rules if epoch is not None else snapshot.configuration.rules
+        repo, people = snapshot.repo, snapshot.book.rulebook.people if snapshot.is_stated else None
+        rules = people.rules if people is not None else snapshot.configuration.rules
         person, name = None, None
-        if repo is not None and epoch is not None:
-            person, name = who_states(repo, epoch)
+        if repo is not None and people is not None:
+            person, name = who_states(repo, people)
         elif repo is not None:
             person = identity(repo)[0]
             name = person.name
         asked = rules.approvals.by or tuple(one.name for one in rules.people if one.keys)
-        return cls(person=person, epoch=epoch, rule=rules.approvals, name=name, asked=asked)
+        return cls(person=person, people=people, rule=rules.approvals, name=name, asked=asked)
 
-    def may_approve(self, had: Sequence[tuple[str, str]], made: Sequence[tuple[str, str]]) -> bool:
+    def may_approve(self, had: Sequence[tuple[str, str]]) -> bool:
         """Whether an approval of this person is still wanted, given the names and addresses of those before."""
         if self.person is None or self.name is None:
             return False
         own = {self.name.lower(), self.person.email.lower()}
         # People are told apart as the rules do: by their keys, or by their addresses.
-        is_signed = self.epoch is not None and self.epoch.rules.is_signed
+        is_signed = self.people is not None and self.people.rules.is_signed
         me = self.name if is_signed else self.person.email.lower() or self.name
-        done = {name if is_signed else email.lower() or name for name, email in self._done(had, made)}
+        done = {name if is_signed else email.lower() or name for name, email in had}
         return me not in done and (not self.asked or bool(own & {one.lower() for one in self.asked}))
 
-    def others(self, had: Sequence[tuple[str, str]], made: Sequence[tuple[str, str]]) -> tuple[str, ...]:
+    def others(self, had: Sequence[tuple[str, str]]) -> tuple[str, ...]:
         """The people asked for whose approval still counts."""
-        done = {word.lower() for who in self._done(had, made) for word in who}
+        done = {word.lower() for who in had for word in who}
         return tuple(one for one in self.asked if one.lower() not in done)
-
-    def _done(
-        self, had: Sequence[tuple[str, str]], made: Sequence[tuple[str, str]]
-    ) -> tuple[tuple[str, str], ...]:
-        return (*had, *made) if self.rule.not_author else (*had,)
 
 
 def status(
@@ -205,53 +201,47 @@ def _proposals(snapshot: Snapshot, asker: _Asker, parsed: dict[str, Entry | Inpu
         if isinstance(entry, Entry) and entry.status is Status.DRAFT
     ]
     for one in (*drafts, *pending(snapshot)):
-        since = _first_day(snapshot, one)
+        written = _written(snapshot, one)
         if isinstance(one.entry, str):
+            since = _day_of(written)
             yield Matter(kind=Kind.UNREADABLE, what=one.key, text=one.entry, yours=True, since=since)
             continue
         used = parsed.get(in_use_path(one.path))
         if isinstance(used, Entry) and used.is_usable and content_of(used) == content_of(one.entry):
             continue  # a branch whose proposal was approved here
         if one.entry.status is not Status.RETIRED:
-            yield _proposal(snapshot, asker, one, one.entry, since)
+            yield _proposal(snapshot, asker, one, one.entry, written)
 
 
-def _proposal(snapshot: Snapshot, asker: _Asker, one: Pending, entry: Entry, since: date | None) -> Matter:
-    said = [*_said_of(snapshot, one, content_of(entry))]
-    had, made = ([one for one in said if one.body.action == action] for action in ("approve", "propose"))
-    by = f", proposed by {made[0].body.person}" if made else ""
-    waits, epoch = "waits for approval", asker.epoch
+def _proposal(
+    snapshot: Snapshot, asker: _Asker, one: Pending, entry: Entry, written: Revision | None
+) -> Matter:
+    had = [*_approvals(snapshot, one, content_of(entry))]
+    by = f", proposed by {written.author.name}" if written is not None else ""
+    waits, people = "waits for approval", asker.people
     if asker.rule.count > 1:
-        people = {who for one in made if epoch is not None and (who := epoch.person_of(one))}
-        waits = (
-            f"{len(epoch.counted(had, people)) if epoch is not None else 0} of {asker.rule.count} approvals"
-        )
-    is_of_nobody = epoch is not None and asker.rule.not_author and not made
-    if is_of_nobody:
-        waits = "nobody of the rules proposed it, so that no approval has an effect"
+        waits = f"{len(people.counted(had)) if people is not None else 0} of {asker.rule.count} approvals"
     came = f" --from {one.branch}" if one.branch is not None else ""
     fx = entry.calibration.intrinsics.fx
     return Matter(
         kind=Kind.PROPOSAL,
         what=one.key,
         text=f"fx = {fx:.1f} px, {entry.calibration.grade.value}{by}: {waits}",
-        yours=not is_of_nobody and asker.may_approve(_people(had), _people(made)),
-        waits_for=asker.others(_people(had), _people(made)) if not is_of_nobody else (),
-        since=since,
-        next="calibrary registry add FILE"
-        if is_of_nobody
-        else f"calibrary registry approve {id_of(one.path)}{came}",
+        yours=asker.may_approve(_people(had)),
+        waits_for=asker.others(_people(had)),
+        since=_day_of(written),
+        next=f"calibrary registry approve {id_of(one.path)}{came}",
     )
 
 
-def _said_of(snapshot: Snapshot, one: Pending, content: str) -> Iterator[Signed]:
-    """Yield the statements on a content that count, of the registry and of the branch on which it waits."""
+def _approvals(snapshot: Snapshot, one: Pending, content: str) -> Iterator[Signed]:
+    """Yield the approvals of a content that count, of the registry and of the branch on which it waits."""
     seen = set[str]()
     for book in _books(snapshot, one.branch):
         for said in book.statements(subject_of(in_use_path(one.path))):
-            if not isinstance(said, Signed) or said.id in seen or said.body.content != content:
+            if not isinstance(said, Signed) or said.id in seen or said.body.action != "approve":
                 continue
-            if book.why_not(said) is None:
+            if Content.of(said.body).says == content and book.rulebook.why_not(said) is None:
                 seen.add(said.id)
                 yield said
 
@@ -270,15 +260,19 @@ def _books(snapshot: Snapshot, branch: str | None) -> Iterator[Book]:
             yield Book(snapshot.repo, snapshot.repo.commit_of(branch))
 
 
-def _first_day(snapshot: Snapshot, one: Pending) -> date | None:
-    """Return the day on which a proposal was last written; None if git does not know."""
+def _written(snapshot: Snapshot, one: Pending) -> Revision | None:
+    """Return the commit that last wrote a proposal; None if git does not know."""
     if snapshot.repo is None or snapshot.commit is None:
         return None
     try:
         found = history(snapshot.repo, one.path, one.branch or snapshot.commit, most=1)
     except RegistryError:
         return None
-    return found[0].committed.date() if found else None
+    return found[0] if found else None
+
+
+def _day_of(written: Revision | None) -> date | None:
+    return written.committed.date() if written is not None else None
 
 
 def _rules(snapshot: Snapshot, asker: _Asker) -> Iterator[Matter]:
@@ -292,15 +286,15 @@ def _rules(snapshot: Snapshot, asker: _Asker) -> Iterator[Matter]:
             what="registry.yaml",
             text=f"proposed by {body.person}: {number} of {asker.rule.count} approvals",
             # Who proposes a change of the rules has approved it.
-            yours=asker.may_approve(who, who),
-            waits_for=asker.others(who, who),
+            yours=asker.may_approve(who),
+            waits_for=asker.others(who),
             since=date.fromisoformat(body.made[:10]) if body.made else None,
             next=again,
         )
-    if not book.waiting and snapshot.configuration.rules != book.epoch.rules:
+    if not book.waiting and snapshot.configuration.rules != book.people.rules:
         text = "registry.yaml asks for other approvals than those in force"
         yield Matter(
-            kind=Kind.RULES, what="registry.yaml", text=text, yours=asker.may_approve((), ()), next=again
+            kind=Kind.RULES, what="registry.yaml", text=text, yours=asker.may_approve(()), next=again
         )
 
 

@@ -796,7 +796,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         from calibrary.registry.rules import rules_text, stated_rules
 
         asked, oid = stated_rules(self.registry)
-        return (rules_text(asked), oid), (rules_text(self.registry.snapshot().book.rulebook.epoch.rules), "")
+        return (rules_text(asked), oid), (rules_text(self.registry.snapshot().book.rulebook.people.rules), "")
 
     def approve_rules(self, digest: str, reason: Text | None = None) -> ChangeReport:
         """Put in force what registry.yaml asks for: people, their keys, and whose approval an entry takes.
