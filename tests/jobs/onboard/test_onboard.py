@@ -17,8 +17,9 @@ from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.convert import convert
 from calibrary.jobs.onboard import onboard as job
 from calibrary.jobs.onboard.page import ROLES
-from calibrary.jobs.onboard.payload import _frames, sha256_of
+from calibrary.jobs.onboard.payload import _frames
 from calibrary.jobs.onboard.report import Agreement, Decision, OnboardReport
+from calibrary.parsers.files import sha256_of
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.registry import Registry
 from tests.calib.photographs import saved

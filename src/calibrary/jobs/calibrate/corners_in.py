@@ -17,6 +17,7 @@ from calibrary.calibration import CameraKey, ImageSize, Origin, canonical_from_f
 from calibrary.errors import InputError
 from calibrary.jobs.calibrate.frames import FrameMetadata, describe_frames
 from calibrary.jobs.calibrate.pairing import RigFrames, pair_names
+from calibrary.parsers.files import sha256_of
 from calibrary.provenance import SourceFile
 from calibrary.records import replace
 
@@ -184,7 +185,11 @@ def _of_table(
         board=table.board,
         image_size=size,
         views=tuple(
-            replace(view, image_points=view.image_points + shift, sha256=_sha256(frames.get(name)))
+            replace(
+                view,
+                image_points=view.image_points + shift,
+                sha256=sha256_of(frames[name]) if name in frames else None,
+            )
             for name, view in table.views.items()
         ),
         camera=replace(camera, image_size=size),
@@ -228,13 +233,6 @@ def _frames_beside(path: Path, table: CornersTable) -> dict[str, Path]:
             return {}
         found[name] = frame
     return found
-
-
-def _sha256(path: Path | None) -> str | None:
-    if path is None:
-        return None
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _empty(path: Path, name: str) -> NamedRemark:

@@ -17,8 +17,9 @@ from calibrary.errors import InputError
 from calibrary.extras import programs
 from calibrary.jobs.calibrate.frames import FrameMetadata, describe_frames, without_resaved
 from calibrary.jobs.calibrate.run import Told
-from calibrary.jobs.calibrate_flight.run import MOST_POINTS, FlightOptions, SolvedFlight, sha256_of
+from calibrary.jobs.calibrate_flight.run import MOST_POINTS, FlightOptions, SolvedFlight
 from calibrary.jobs.files import choose
+from calibrary.parsers.files import sha256_of
 from calibrary.parsers.imagery.taken import Fix, fix_of
 from calibrary.progress import stage
 from calibrary.records import replace

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import tempfile
 from collections import Counter
@@ -31,6 +30,7 @@ from calibrary.jobs.calibrate.frames import (
 from calibrary.jobs.calibrate.run import Told, calibration_date, read_seed
 from calibrary.jobs.calibrate_flight import GroundControl
 from calibrary.jobs.extract.pixels import claim_of_image
+from calibrary.parsers.files import sha256_of
 from calibrary.parsers.imagery.taken import fix_of
 from calibrary.progress import Progress, counted, stage
 from calibrary.records import replace
@@ -300,12 +300,6 @@ def _about(chosen: Selection, metadata: FrameMetadata) -> Observations:
         firmware=setting.camera.firmware,
         taken=metadata.taken,
     )
-
-
-def sha256_of(path: Path) -> str:
-    """Return the SHA-256 of a file, in hexadecimal."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _how(chosen: Selection, total: int) -> str:

@@ -6,7 +6,6 @@ the rest.
 
 from __future__ import annotations
 
-import hashlib
 import os
 import re
 from collections.abc import Callable, Iterator, Sequence
@@ -25,6 +24,7 @@ from calibrary.jobs.files import choose, read_file
 from calibrary.jobs.fleet import Details
 from calibrary.jobs.layers.catalogue_entries import KIND, catalogue_entries
 from calibrary.jobs.survey.known import contradictions
+from calibrary.parsers.files import sha256_of
 from calibrary.parsers.format import NOT_UNDERSTOOD
 from calibrary.parsers.imagery import read_metadata
 from calibrary.progress import log
@@ -290,11 +290,9 @@ class _Source(Struct, frozen=True, kw_only=True):
 
     @classmethod
     def of(cls, path: Path) -> _Source:
-        with path.open("rb") as file:
-            sha256 = hashlib.file_digest(file, "sha256").hexdigest()
         image = parsers.is_image_file(path)
         software = firmware(read_metadata(path)) if image else None
-        return cls(name=path.name, sha256=sha256, is_image=image, software=software)
+        return cls(name=path.name, sha256=sha256_of(path), is_image=image, software=software)
 
 
 def _from_calibration(calibration: Calibration, source: _Source, said: Said) -> tuple[Entry, tuple[str, ...]]:

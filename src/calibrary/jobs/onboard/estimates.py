@@ -21,13 +21,14 @@ from calibrary.errors import CalibraryError, InputError
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.calibrate.report import Asked, report_of
 from calibrary.jobs.diff.comparison import compare
-from calibrary.jobs.onboard.payload import FRAME, PayloadCamera, sha256_of
+from calibrary.jobs.onboard.payload import FRAME, PayloadCamera
 from calibrary.jobs.onboard.report import Agreement, Estimate, ImageSolve, Kind, RelatedEntry, UsedFile
 from calibrary.jobs.survey import Against, Claim, Survey, Weighed, Who, of_entry, of_file, of_images
 from calibrary.jobs.survey.limits import EXIF, known_tolerance
 from calibrary.jobs.survey.placing import Placed, Settled
 from calibrary.jobs.survey.relating import gap, is_by_whole, limit_between
 from calibrary.jobs.survey.words import CONTRADICTED, edited
+from calibrary.parsers.files import sha256_of
 from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.registry.entry import Entry

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final
@@ -28,7 +27,7 @@ from calibrary.jobs.images.reading import gather
 from calibrary.jobs.onboard.report import UsedFile
 from calibrary.jobs.survey.limits import foreign
 from calibrary.known_camera import normalise_sub_camera
-from calibrary.parsers.files import is_image
+from calibrary.parsers.files import is_image, sha256_of
 from calibrary.policy import Policy
 from calibrary.records import replace
 
@@ -305,12 +304,6 @@ def used_files(camera: PayloadCamera, payload: Payload) -> tuple[UsedFile, ...]:
     found += [("calibration file", one.name, one.sha256) for one in camera.files]
     found += [(FRAME, path.relative_to(payload.folder).as_posix(), sha256_of(path)) for path in camera.frames]
     return tuple(UsedFile(what=what, name=name, sha256=sha256) for what, name, sha256 in dict.fromkeys(found))
-
-
-def sha256_of(path: Path) -> str:
-    """SHA-256 of a file's bytes."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _cameras_with_names(
