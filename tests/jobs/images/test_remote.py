@@ -244,7 +244,7 @@ def test_waiting_for_answers_is_done_side_by_side(server: Site) -> None:
 
     with pytest.MonkeyPatch.context() as monkeypatch:
         alone, together = seconds(20, 1, monkeypatch), seconds(320, 32, monkeypatch)
-    # Ten times on an idle machine (docs/scale.md); a busy one has other things to do than to wait.
+    # Ten times on an idle machine (docs/performance.md); a busy one has other things to do than to wait.
     assert together < alone / 3
 
 

@@ -4,7 +4,7 @@ Each piece of work is read by one process.
 
 On a cluster Dask's scheduler distributes the pieces of work and merges their results, independently of the image
 metadata. Any engine that maps a function over pieces and reduces the results with an associative, commutative and
-idempotent merge can be used instead (docs/scale.md shows Ray and Spark).
+idempotent merge can be used instead (docs/performance.md shows Ray and Spark).
 """
 
 from __future__ import annotations
