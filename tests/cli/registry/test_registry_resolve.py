@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from calibrary.calibration import Quality
+from calibrary.distortion import BrownConrady
 from calibrary.errors import ParseError
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.jobs.resolve.run import FleetAnswer
@@ -92,6 +93,20 @@ def test_show_and_resolve_of_an_image_are_one_document(
     put(fleet, an_entry(focal_mm=None))
     image = picture(tmp_path / "a.jpg", **TAGS)
     assert run(capsys, "show", image, "--json") == run(capsys, "resolve", image, "--json")
+
+
+@pytest.mark.parametrize(
+    ("k1", "use", "why"), [(-0.9, "none", "not monotonic"), (-0.1, "start", "how well is not stated")]
+)
+def test_show_and_resolve_give_a_forced_entry_one_use(
+    k1: float, use: str, why: str, fleet: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put(fleet, an_entry(distortion=BrownConrady(k1=k1, k2=0.0, p1=0.0, p2=0.0), override="it is so"))
+    asked = [
+        printed(capsys, *words, P4R) for words in (("registry-show-1", "show"), ("resolution-1", "resolve"))
+    ]
+    assert [one["use"] for one in asked] == [use, use]
+    assert all(why in one["use_reason"] for one in asked)
 
 
 @pytest.mark.parametrize("flag", [["--yaml"], ["--diff", "HEAD"]])

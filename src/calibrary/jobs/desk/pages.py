@@ -51,7 +51,7 @@ from calibrary.jobs.site.camera_page import (
     steps,
 )
 from calibrary.jobs.site.folder import INDEX, Place
-from calibrary.jobs.use import Allowed, allowed
+from calibrary.jobs.use import Allowed
 from calibrary.known_camera import KnownCamera
 from calibrary.pages import Frame, render_page, served_policy
 from calibrary.pages.wording import cut_table, distortion_blocks, intrinsics_items, visible
@@ -347,7 +347,8 @@ class Pages:
                 return
             words = id_of(fits[0])
             answer = fleet.resolve(words, stated=stated, on=day)
-        yield self._answered(answer, ("registry", "resolve", *([words] if words else _flags(stated))))
+        asked = [words] if words else [*_flags(stated)]
+        yield self._answered(answer, ("registry", "resolve", *asked, "--on", answer.on.isoformat()))
 
     def _answered(self, answer: FleetAnswer, command: tuple[str, ...]) -> Section:
         K, entry = answer.calibration, answer.entry
@@ -359,7 +360,7 @@ class Pages:
                     tone=Tone.BAD,
                 ),
                 *(KeyValues(tuple(_of_possible(one))) for one in answer.possible),
-                self._command(*command, "--on", answer.on.isoformat()),
+                self._command(*command),
             ]
             return Section(title="No K to use", blocks=tuple(blocks))
         if K is None:
@@ -394,7 +395,7 @@ class Pages:
                 title="For a program",
                 blocks=(*_for_programs(files_of(K), query), *_program_flags(K)),
             ),
-            self._command(*command, "--on", answer.on.isoformat()),
+            self._command(*command),
         ]
         return Section(title="The K to use", blocks=tuple(blocks))
 
@@ -431,7 +432,7 @@ class Pages:
             if not files:
                 raise InputError("no image was chosen; choose one of the camera's, or drop it there")
             answer, name = fleet.resolve(files["image"]), called["image"]
-        found = self._answered(answer, ("registry", "resolve", name))
+        found = self._answered(answer, ("registry", "show", name))
         return desk_page(
             title=f"Which K for {name}?",
             lead=f"{answer.camera}, by {answer.known_by}. {self._about(fleet)}",
@@ -604,7 +605,7 @@ class Pages:
         good_for: tuple[Block, ...] = ("It is not in use, so no program gets it from the registry.",)
         decide: tuple[Section, ...] = ()
         if stored.entry.is_usable:
-            good_for = (*_good_for(allowed(K, snapshot.configuration.policy)), *_program_flags(K))
+            good_for = (*_good_for(fleet.use_of(stored)), *_program_flags(K))
             decide = (Section(title="Decide", blocks=(retirement_form(id_, stored.base or ""),)),)
         compare = Link("Compare it with another state of it, or a file", f"/compare?{urlencode({'b': id_})}")
         command = self._command("registry", "show", id_)

@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from calibrary.jobs.layers import Layer
     from calibrary.jobs.resolve.run import FleetAnswer
     from calibrary.jobs.site.building import Site
+    from calibrary.jobs.use import Allowed
 
     # "as": records that the methods return; the registry declares them, and commands take them from here.
     from calibrary.registry.checks import CheckDocument as CheckDocument
@@ -66,7 +67,7 @@ if TYPE_CHECKING:
     from calibrary.registry.published.write import Publication
     from calibrary.registry.query import EntryListing as EntryListing
     from calibrary.registry.registry import Registry
-    from calibrary.registry.snapshot import Snapshot
+    from calibrary.registry.snapshot import Snapshot, StoredEntry
     from calibrary.registry.sync import EntryConflict as EntryConflict
     from calibrary.registry.sync import SyncReport as SyncReport
 
@@ -301,16 +302,14 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         >>> calibrary.open_registry("fleet").show("fc6310r").status
         <Status.APPROVED: 'approved'>
         """
-        from calibrary.jobs.use import allowed
         from calibrary.records import replace
-        from calibrary.registry.entry import noted
         from calibrary.registry.fields import differences
         from calibrary.registry.history import ShownEntry, approvals_of, recorded
         from calibrary.registry.places import plain_folder
 
         is_plain = plain_folder(self.folder) is not None and "@" not in key and against is None
         stored = self.snapshot.get(key) if is_plain else self.registry.get(key)
-        use = allowed(noted(stored.entry), self.snapshot.configuration.policy)
+        use = self.use_of(stored)
         shown = ShownEntry(
             **stored.members, recorded=None, use=use.use.value, use_reason=use.why, stored=stored
         )
@@ -325,6 +324,23 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
             against=other,
             changes=differences(self.registry.get(other).entry, stored.entry) if other is not None else None,
         )
+
+    def use_of(self, stored: StoredEntry) -> Allowed:
+        """Return what a solver may do with the K of an entry, as a resolution of its camera without an image says."""
+        from calibrary.jobs.use import allowed
+        from calibrary.registry.entry import noted
+
+        own, policy = noted(stored.entry), self.snapshot.configuration.policy
+        if stored.entry.override is None:
+            return allowed(own, policy)
+        # The check of a registry lets no K in against the rules of what a camera can be but by force.
+        from calibrary.evidence.metadata import ImageMetadata
+        from calibrary.jobs.survey import Survey, of_entry
+        from calibrary.registry.resolution import Resolution
+
+        found = Resolution(path=stored.path, entry=stored.entry, calibration=own, why="", near=())
+        claim = of_entry(found, policy)
+        return Survey(ImageMetadata(size=own.intrinsics.image_size), [claim], policy).weigh(claim).use
 
     def file(self, entry: ShownEntry) -> bytes:
         """Return the YAML of an entry, as it is in the registry."""

@@ -474,7 +474,7 @@ def _use(entry: Entry, id_: str, place: Place, *, is_proposed: bool) -> Iterator
     yield Note(text=said[entry.status] + reason, action=action.get(entry.status), tone=STATUSES[entry.status])
     if entry.validity is not None:
         text = "The day of an image decides which K it gets: for other days an earlier one may apply; see the history."
-        yield Note(text=text, action="calibrary registry resolve IMAGE")
+        yield Note(text=text, action="calibrary registry show IMAGE")
     if is_proposed:
         text = "Another K is proposed to replace it, and is not used before it is approved."
         yield Note(text=text, action=f"calibrary registry show proposals/{id_}", tone=Tone.CAUTION)
