@@ -227,7 +227,7 @@ def _within_band(c: Calibration, policy: Policy) -> Iterator[Finding]:
     fx_over_w = c.intrinsics.fx / c.intrinsics.image_size[0]
     # A K that was measured may be of any real lens. The narrow band is for arithmetic on tags, where a wrong sensor
     # size or a 35 mm equivalent is likelier than a rare lens.
-    measured = c.provenance.kind != "image-metadata" and c.grade.is_metric
+    measured = c.provenance.kind not in {"image-metadata", "stated"} and c.grade.is_metric
     low, high = (policy.measured_over_width if measured else None) or policy.focal_over_width
     in_band = low <= fx_over_w <= high
     message, remedy = f"fx = {fx_over_w:.3f} W, expected {low:g} … {high:g} W", None

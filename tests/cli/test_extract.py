@@ -211,10 +211,10 @@ class TestStreams:
     ) -> None:
         picture(tmp_path / "input/a.jpg", **P4R)
         picture(tmp_path / "input/b.jpg", **NOBODY)
-        extract("--json", "--sensor-width-mm", "13.2")
+        assert extract("--json", "--sensor-width-mm", "13.2") == 2
         captured = capsys.readouterr()
-        assert "not used" in captured.err
-        assert "not used" in json.loads(captured.out)["warnings"][0]
+        assert "--sensor CAMERA=WxH" in captured.err
+        assert captured.out == ""
 
     def test_a_default_that_is_typed_is_a_statement(
         self, tmp_path: Path, extract: Extract, capsys: pytest.CaptureFixture[str]

@@ -20,6 +20,7 @@ examples:
   calibrary extract flight/                      one K per camera, from the images
   calibrary extract flight/ --recursive --json   the same for machines
   calibrary extract flight/ --sensor-width-mm 13.2 --sensor-height-mm 8.8
+  calibrary extract web.jpg --camera FC6310      an image without EXIF, whose camera you know
   calibrary extract flight/ --registry ../fleet-registry --to colmap
   calibrary extract flight/ --to odm --task survey    a folder that ODM and WebODM process as it is
   calibrary extract flight/ --html flight.html   the same as a page
@@ -43,7 +44,7 @@ SOURCE_DOCUMENT = "flags of the source document"
 GROUPS = {
     "which images": ("recursive", "workers", "cluster"),
     "limits that K is checked against": ("policy", "verify"),
-    "what is known of the cameras": ("sensor", "registry", "locked"),
+    "what is known of the cameras": ("sensor", "camera", "focal_mm", "registry", "locked"),
     "what is written": (
         *("to", "database", "task", "copy_images", "drop_distortion", "include_unproven"),
         *("html", "list_images", "dry_run"),

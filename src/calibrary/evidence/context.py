@@ -27,6 +27,7 @@ class Source(StrEnum):
     CAMERA_FISHEYE = "camera-fisheye"
     SKYDIO_CALIBRATED = "skydio-calibrated"
     GIVEN_SENSOR = "given-sensor"
+    STATED = "stated"
     FOCAL_PLANE = "focal-plane"
     CATALOGUE_PITCH = "catalogue-pitch"
     DJI_DESIGN = "dji-design"
@@ -58,6 +59,7 @@ RESTS_ON = {
     Source.SKYDIO_CALIBRATED: "Skydio calibration",
     # For a source of a sensor size, EXIF FocalLength is taken as correct and the size is in doubt.
     Source.GIVEN_SENSOR: "given sensor",
+    Source.STATED: "stated",
     Source.FOCAL_PLANE: "focal plane",
     Source.CATALOGUE_PITCH: "catalogue",
     Source.DJI_DESIGN: "DJI design",

@@ -124,6 +124,7 @@ class ImageMetadata(Struct, frozen=True, kw_only=True):
         byte_order: of EXIF, "<" or ">"; None without EXIF.
         encoding: of a JPEG; None for other files.
         exif_in_text: whether EXIF exists only in GDAL's text, where other programs do not find it.
+        stated: what a person states in place of the file: "camera" is make and model, "focal" the focal length.
     """
 
     size: ImageSize
@@ -150,6 +151,7 @@ class ImageMetadata(Struct, frozen=True, kw_only=True):
     byte_order: str | None = None
     encoding: Encoding | None = None
     exif_in_text: bool = False
+    stated: frozenset[str] = frozenset()
 
     @property
     def zoom(self) -> float:

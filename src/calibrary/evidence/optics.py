@@ -61,7 +61,9 @@ PLAUSIBLE_DEG = (3.0, 130.0)
 def estimates(scene: Scene) -> Iterator[Finding]:
     """Estimates from a stated field of view, each pixel or sensor size, the catalogue's fx and the 35 mm equivalent."""
     yield from _by_field_of_view(scene)
-    yield from _metric(scene)
+    yield from _stated(scene)
+    if "focal" not in scene.metadata.stated:
+        yield from _metric(scene)
     yield from _design(scene)
     yield from _prior(scene)
 
@@ -86,6 +88,30 @@ def _by_field_of_view(scene: Scene) -> Iterator[Finding]:
     focal = width / 2 / math.tan(math.radians(horizontal[0]) / 2)
     intrinsics = Intrinsics(fx=focal, fy=focal, cx=width / 2, cy=height / 2, image_size=(width, height))
     yield scene.estimate(Source.FIELD_OF_VIEW, FIELD_OF_VIEW_TAG, Grade.DESIGN, intrinsics)
+
+
+def _stated(scene: Scene) -> Iterator[Finding]:
+    """What a person states: a focal length over a sensor or the catalogue's pitch, else the catalogue's fx alone."""
+    written, known = scene.metadata, scene.known
+    focal_mm = written.focal_mm if "focal" in written.stated else None
+    if focal_mm is not None and scene.given_sensor_mm is not None:
+        width, height = scene.given_sensor_mm
+        fx, fy = focal_mm / width * written.size[0], focal_mm / height * written.size[1]
+        tag, K = "stated focal length ÷ stated sensor", _centred(fx, fy, written.size)
+    elif known is None or known.native_size is None:
+        return
+    elif focal_mm is not None and known.pitch_um is not None:
+        focal = focal_mm * 1000.0 / known.pitch_um
+        tag, K = "stated focal length ÷ catalogue pitch", _centred(focal, focal, known.native_size)
+    elif "camera" in written.stated and written.focal_mm is None and known.zoom_mm is None:
+        over_width = known.fx_over_w_at(known.focal_mm)
+        if over_width is None:
+            return
+        focal = over_width * known.native_size[0]
+        tag, K = "catalogue fx of the stated camera", _centred(focal, focal, known.native_size)
+    else:
+        return
+    yield scene.estimate(Source.STATED, tag, Grade.DERIVED, K)
 
 
 def _metric(scene: Scene) -> Iterator[Finding]:
@@ -115,7 +141,7 @@ def _metric(scene: Scene) -> Iterator[Finding]:
 def _design(scene: Scene) -> Iterator[Finding]:
     """The catalogue's own fx, used if EXIF FocalLength ÷ pitch is not available."""
     known = scene.known
-    if known is None or known.native_size is None or known.zoom_mm is not None:
+    if known is None or known.native_size is None or known.zoom_mm is not None or scene.metadata.stated:
         return
     focal_mm, nominal = scene.focal_mm, known.focal_mm
     if focal_mm is None:

@@ -89,7 +89,7 @@ class Evidence(Struct, frozen=True, kw_only=True):
             distortion=distortion,
             grade=grade,
             provenance=Provenance(
-                kind="image-metadata",
+                kind="stated" if estimate.source is Source.STATED else "image-metadata",
                 source=source_name,
                 tag=estimate.tag,
                 reference_size=estimate.reference_size,

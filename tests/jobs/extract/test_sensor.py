@@ -52,14 +52,8 @@ def test_one_stated_side_means_square_pixels(
 def test_a_stated_sensor_is_refused_for_several_cameras(tmp_path: Path) -> None:
     picture(tmp_path / "a.jpg", **P4R)
     picture(tmp_path / "b.jpg", **NOBODY)
-    outcome = gate(tmp_path, sensor_mm=(6.3, 4.7))
-    [warning] = outcome.warnings
-    assert "not used" in warning
-    assert "DJI FC6310R" in warning
-    assert "Example One" in warning
-    assert "--sensor CAMERA=WxH" in warning
-    sources = {camera.camera.key.model: source_of(camera) for camera in outcome.judged}
-    assert sources == {"FC6310R": Source.CATALOGUE_PITCH, "One": Source.ASSUMED_SENSOR}
+    with pytest.raises(UsageError, match=r"DJI FC6310R.*Example One.*--sensor CAMERA=WxH"):
+        gate(tmp_path, sensor_mm=(6.3, 4.7))
 
 
 def test_each_camera_of_a_run_has_a_sensor_of_its_own(tmp_path: Path) -> None:
@@ -121,8 +115,8 @@ def test_a_known_camera_never_gets_the_default_sensor(tmp_path: Path) -> None:
 
 def test_no_sensor_makes_a_k_without_a_focal_length(tmp_path: Path) -> None:
     picture(tmp_path / "a.jpg", make="Example", model="One")
-    camera = only(gate(tmp_path, sensor_mm=(13.2, 8.8)))
-    assert (camera.verdict, camera.calibration) == (Verdict.REJECTED, None)
+    with pytest.raises(UsageError, match="--focal-mm"):
+        gate(tmp_path, sensor_mm=(13.2, 8.8))
 
 
 def test_a_sensor_that_was_given_is_not_asked_for_again(tmp_path: Path) -> None:

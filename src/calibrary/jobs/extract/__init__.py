@@ -43,6 +43,8 @@ def extract(
     verify: bool | Literal["unproven"] = False,
     strict_validation: bool = False,
     sensor: Annotated[Mapping[str, str], Meta(title="CAMERA=WxH")] | None = None,
+    camera: Annotated[str, Meta(title="MODEL")] | None = None,
+    focal_mm: Millimetres | None = None,
     sensor_width_mm: Millimetres | None = None,
     sensor_height_mm: Millimetres | None = None,
     registry: Place | Sequence[Place] | None = None,
@@ -78,6 +80,8 @@ def extract(
         strict_validation: stop at the first broken rule and write nothing.
         sensor: physical width and height in mm of the sensor of one camera, which its model names, with band or lens
             where these differ.
+        camera: the camera of images that state none, by its Model or title in the catalogue; their K is unproven.
+        focal_mm: focal length of images that state none, with ``camera`` or ``sensor_width_mm``; their K is unproven.
         sensor_width_mm: physical sensor width, for images of one camera (default: that of the camera if it is known or
             its images state one; otherwise 13.2, marked as assumed).
         sensor_height_mm: physical sensor height (default: as for the width, 8.8).
@@ -104,7 +108,8 @@ def extract(
             "placed".
 
     Raises:
-        UsageError: an argument lacks the one that it belongs to, or ``sensor`` names no camera or no size.
+        UsageError: an argument lacks the one that it belongs to, ``sensor`` names no camera or no size, or what is
+            stated of the camera has no effect.
         InputError: there is no image, a named file cannot be read, or a file must not be replaced.
         RegistryError: the registry cannot be read, or has drifted from the lock.
         ValidationError: ``strict_validation`` is set and a rule was violated.
@@ -141,6 +146,8 @@ def extract(
         policy=limits(policy, max_focal_deviation_pct, principal_point_tolerance),
         sensor_mm=(sensor_width_mm, sensor_height_mm),
         sensors=dict(sensor or {}),
+        camera=camera,
+        focal_mm=focal_mm,
         registry=registries(registry, needed=locked is not None),
         lock=_path(locked),
         fallback_k=_path(fallback_k),

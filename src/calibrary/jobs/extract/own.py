@@ -227,7 +227,7 @@ def _focal_plausibility(own: Own, policy: Policy) -> Iterator[Finding]:
 
 def _unconfirmed(own: Own, policy: Policy) -> Finding:
     """The single claim of an unknown camera: rejected if no lens has this fx, otherwise unproven."""
-    fx_over_w, is_given = own.over_width, own.chosen.source is Source.GIVEN_SENSOR
+    fx_over_w, is_given = own.over_width, own.chosen.source in {Source.GIVEN_SENSOR, Source.STATED}
     low, high = policy.measured_over_width or policy.focal_over_width
     usual = policy.focal_over_width
     severity, limit = Severity.UNPROVEN, None
@@ -364,6 +364,18 @@ def _focal_stated(own: Own, _: Policy) -> Iterator[Finding]:
         )
 
 
+def _camera_stated(own: Own, _: Policy) -> Iterator[Finding]:
+    stated = own.stated.scene.metadata.stated
+    if stated and not own.calibration.grade.is_measured:
+        what = " and ".join(name for name in ("camera", "focal length") if name.split()[0] in stated)
+        yield Finding(
+            rule="camera-stated",
+            severity=Severity.UNPROVEN,
+            message=f"nothing in the image confirms the {what} that you state",
+            remedy=f"ask the pixels (--verify), or {REGISTER}",
+        )
+
+
 def _no_focal(evidence: Evidence) -> str | None:
     """Why the catalogue's lens is used, unconfirmed by the image; None if the camera writes no FocalLength."""
     scene = evidence.scene
@@ -418,6 +430,7 @@ RULES: Final[tuple[Rule, ...]] = (
     _source_agreement,
     _sensor_stated,
     _focal_stated,
+    _camera_stated,
     _digital_zoom,
     _as_the_camera_wrote_it,
     _alone("distortion-monotonic"),

@@ -43,6 +43,7 @@ from calibrary.jobs.extract.fallback import (
 from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.jobs.extract.report import ExtractReport, camera_document
+from calibrary.jobs.extract.stated import Stated
 from calibrary.jobs.images.accumulator import ByDay, Names
 from calibrary.jobs.images.listing import LISTED, Listing
 from calibrary.jobs.images.observation import path_order
@@ -75,6 +76,7 @@ class Judging(Struct, frozen=True, kw_only=True):
         policy: with the limits.
         sensors: sensor sizes by camera.
         sensor_mm: sensor (width, height) stated by the user; a side that was not stated is None.
+        stated: what the user states of images that do not state it.
         strict: whether to stop at the first violation of the policy.
         verify: whether to check K against the pixels of a dozen images per camera, or per camera without a valid K.
         knowledge: the catalogue and the registries.
@@ -85,6 +87,7 @@ class Judging(Struct, frozen=True, kw_only=True):
     policy: Policy = FLEET
     sensor_mm: tuple[float | None, float | None] = (None, None)
     sensors: Mapping[str, Sensor] = MappingProxyType({})
+    stated: Stated = Stated()
     strict: bool = False
     verify: bool | Literal["unproven"] = False
     knowledge: Knowledge
@@ -113,6 +116,8 @@ def run(  # noqa: PLR0913, D417  as many and the same as the job has
     policy: Policy = FLEET,
     sensor_mm: tuple[float | None, float | None] = (None, None),
     sensors: Mapping[str, str] = MappingProxyType({}),
+    camera: str | None = None,
+    focal_mm: float | None = None,
     registry: Sequence[Place] | Place | None = None,
     lock: Path | None = None,
     fallback_k: Path | None = None,
@@ -164,6 +169,7 @@ def run(  # noqa: PLR0913, D417  as many and the same as the job has
             policy=policy,
             sensor_mm=sensor_mm,
             sensors={name: _sensor_stated(name, text) for name, text in sensors.items()},
+            stated=Stated(camera=camera, focal_mm=focal_mm, sensor=sensor_mm != (None, None)),
             strict=strict,
             verify=verify,
             knowledge=knowledge,
@@ -193,19 +199,21 @@ def judge_images(reading: Reading, listing: Listing, by: Judging) -> ExtractRepo
         ValidationError: ``strict`` is set and the policy is violated.
     """
     images = sort_images(reading.images.settled())
+    images = replace(images, states=by.stated.added(images.states))
     rejected = sorted((*images.unread.listed, *listing.unreadable), key=lambda one: path_order(one.name))
     for skipped in (*rejected, *images.pictures.listed):
         log.info("skipped %s: %s", skipped.name, skipped.reason)
     if by.strict and rejected:
         raise _breach(by.policy, "image", f"{rejected[0].name}: {rejected[0].reason}")
     states = group_cameras(images.states, by.knowledge)
-    sensor, warnings = _sensor(by.sensor_mm, states)
+    sensor = _sensor(by.sensor_mm, states)
     of_cameras = _sensors(by.sensors, [*states])
     cameras: list[Camera] = []
     for key, group in states.items():
         cameras += judge(key, group, policy=by.policy, sensor=of_cameras.get(key, sensor))
         if by.strict:
             _require_valid(cameras, by.policy)
+    by.stated.check(cameras)
     files, unreadable = read_calibration_files(listing.other_files, listing.root, cameras)
     sources = Sources(
         matrix=by.matrix,
@@ -234,7 +242,6 @@ def judge_images(reading: Reading, listing: Listing, by: Judging) -> ExtractRepo
             *by.knowledge.warnings,
             *_of_layers(by.knowledge, states),
             *_unread(images.states),
-            *warnings,
             *contradictions(files, reports, by.policy),
             *_proposed(reports, by.policy),
         ),
@@ -286,21 +293,23 @@ def _unread(states: Mapping[ImageMetadata, ByDay]) -> Iterator[str]:
 
 def _sensor(
     sensor_mm: tuple[float | None, float | None], states: Mapping[CameraKey, tuple[State, ...]]
-) -> tuple[Sensor, tuple[str, ...]]:
-    """The sensor size for this run; a stated size is used only if there is a single camera."""
+) -> Sensor:
+    """The sensor size for this run.
+
+    Raises:
+        UsageError: a size is stated, and there are several cameras.
+    """
     default = Sensor(size_mm=DEFAULT_SENSOR_MM, given=False)
     if sensor_mm == (None, None):
-        return default, ()
+        return default
     # A file without metadata has no focal length, so it does not count as a second camera here.
     cameras = [key for key, group in states.items() if any(state.metadata.focal_mm for state in group)]
     if len(cameras) <= 1:
-        return Sensor(size_mm=sensor_mm, given=True), ()
+        return Sensor(size_mm=sensor_mm, given=True)
     names = ", ".join(str(key) for key in cameras[:4]) + (", …" if len(cameras) > 4 else "")
-    warning = (
-        f"the sensor size given is not used: the images are of {len(cameras)} cameras ({names}), and one "
-        "sensor size cannot apply to all of them; give each its own by --sensor CAMERA=WxH"
+    raise UsageError(
+        f"one sensor size cannot apply to {len(cameras)} cameras ({names}); give each its own by --sensor CAMERA=WxH"
     )
-    return default, (warning,)
 
 
 def _sensor_stated(name: str, text: str) -> Sensor:

@@ -39,6 +39,7 @@ OF_KNOWN: Final = frozenset({TagSource.CATALOGUE_PITCH, TagSource.CATALOGUE_DESI
 
 TOLERANCES: Final = {
     TagSource.GIVEN_SENSOR: 0.02,  # a data sheet's sensor size
+    TagSource.STATED: 0.03,  # a camera or a focal length that a person states
     TagSource.FOCAL_PLANE: 0.02,  # a resolution of the focal plane
     TagSource.CATALOGUE_PITCH: 0.03,  # the catalogue's pixel pitch
     TagSource.CATALOGUE_DESIGN: 0.03,  # the catalogue's focal length
