@@ -51,6 +51,8 @@ def pinned(snapshot: Snapshot, paths: Iterable[str]) -> Lock:
         RegistryError: an entry does not exist, cannot be read, or is not approved.
     """
     wanted = sorted(set(paths))
+    if waiting := next((path for path in wanted if path in snapshot.proposed), None):
+        raise RegistryError(str(snapshot.only_proposed(waiting)))
     for one in snapshot.stored([path for path in wanted if path in snapshot.paths]):
         if not one.entry.is_usable:
             raise RegistryError(f"{one.id} is {one.entry.status.value}: only what is approved is pinned")

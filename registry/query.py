@@ -312,9 +312,11 @@ class EntryListing(Struct, frozen=True, eq=False, dict=True):
 
     @property
     def notes(self) -> list[str]:
-        """Sentences about entries whose files nothing approves, and about files that are not read."""
-        pairs = zip(self.chosen.paths, self.chosen.rows, strict=True)
-        said = unapproved([path for path, row in pairs if "remark" in row]), self.snapshot.unread
+        """Sentences about what is only proposed or not approved, and about files that are not read."""
+        pairs = [*zip(self.chosen.paths, self.chosen.rows, strict=True)]
+        proposed = self.snapshot.all_proposed([path for path, row in pairs if is_proposal(path)])
+        remarked = unapproved([path for path, row in pairs if "remark" in row])
+        said = proposed or None, remarked, self.snapshot.unread
         return [text for text in said if text is not None]
 
     def short_ids(self) -> list[str]:

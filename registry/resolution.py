@@ -23,7 +23,7 @@ from calibrary.known_camera import match_key, normalise_sub_camera
 from calibrary.records import Record, replace
 from calibrary.registry.entry import USABLE, Entry, Status, noted
 from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.paths import folder_of, is_proposal, proposal_path, slug
+from calibrary.registry.paths import folder_of, id_of, is_proposal, proposal_path, slug
 
 Earlier: TypeAlias = Callable[[str], Iterable[tuple[str, Entry]]]
 """Returns (commit, entry) for an entry's earlier usable revisions, newest first, given its path."""
@@ -34,6 +34,44 @@ PROPOSED: Final = frozenset({Status.DRAFT})
 MOST_NEAR: Final = 8
 MOST_FOLDERS: Final = 2048
 """Number of folders whose entries are kept parsed."""
+
+
+class OnlyProposed(Struct, frozen=True, kw_only=True):
+    """What every reader says of a K that is proposed, in place of using it.
+
+    Attributes:
+        key: KEY of the entry.
+        by: who proposed it; None in a plain folder.
+        have: number of people whose approval counts.
+        asked: number of approvals that the rules ask for; 0 if they were not read.
+        digest: the file for ``approve --digest``; None in a plain folder.
+    """
+
+    key: str
+    by: str | None = None
+    have: int = 0
+    asked: int = 0
+    digest: str | None = None
+
+    @property
+    def lacks(self) -> str:
+        """Who proposed it and what it lacks."""
+        by = f" by {self.by}" if self.by is not None else ""
+        said = f"proposed{by} and not approved, so not used"
+        if not self.asked:
+            return said
+        lacking = max(self.asked - self.have, 0)
+        return f"{said}: it lacks {lacking} of {self.asked} approval{'s' if self.asked != 1 else ''}"
+
+    @property
+    def command(self) -> str | None:
+        """The command that approves it; None in a plain folder."""
+        return f"calibrary registry approve {self.key} --digest {self.digest}" if self.digest else None
+
+    def __str__(self) -> str:
+        """Return the sentence for a terminal and a report."""
+        said = f"{self.key} is {self.lacks}"
+        return f"{said}; '{self.command}' approves it" if self.command is not None else said
 
 
 class RejectedEntry(Record):
@@ -52,6 +90,7 @@ class Resolution(Struct, frozen=True, kw_only=True):
         calibration: calibration at the camera's image size; its provenance is the entry and the entry's source.
         why: reason for the choice, in words.
         near: other entries of the same make and model with the reason against each (only the first few).
+        remark: of a proposal, who proposed it, what it lacks and what approves it; None of an entry in use.
         revision: commit of an earlier revision, if that applies to the day; None for the current one.
         layer: name of the registry with the entry, if several were searched.
         disagreements: contradictions by the registries later in the search order.
@@ -62,6 +101,7 @@ class Resolution(Struct, frozen=True, kw_only=True):
     calibration: Calibration
     why: str
     near: tuple[RejectedEntry, ...]
+    remark: str | None = None
     revision: str | None = None
     layer: str | None = None
     disagreements: tuple[str, ...] = ()
@@ -174,7 +214,7 @@ class RegistryIndex:
         earlier: Earlier | None = None,
         require_digest: bool = True,
         prepare: Callable[[Sequence[str]], object] | None = None,
-        remark: Callable[[str], str | None] | None = None,
+        remark: Callable[[str, Status], str | None] | None = None,
     ) -> None:
         """List a registry, without reading any entry.
 
@@ -187,7 +227,7 @@ class RegistryIndex:
             earlier: returns (commit, entry) for an entry's earlier usable revisions, newest first.
             require_digest: reject entries without a digest.
             prepare: called with the paths that will be loaded next.
-            remark: returns what of an entry is not in force, in words.
+            remark: returns what of an entry is not in force, in words, given its status.
         """
         self.paths: Final[Sequence[str]] = sorted(paths)
         self.proposed: Final[Sequence[str]] = sorted(proposed)
@@ -224,11 +264,17 @@ class RegistryIndex:
     def proposed_for(self, key: CameraKey, *, on: date | None = None) -> Resolution | None:
         """Return the proposal that would be used for a camera if it were approved; None for none, or for several."""
         with suppress(RegistryError):
-            return self.resolve(key, on=on, statuses=PROPOSED)
+            found = self.resolve(key, on=on, statuses=PROPOSED)
+            if found is not None:
+                return replace(found, remark=self._unapproved(found.path))
         return None
 
     def _remarked(self, path: str) -> str | None:
-        return self._remark(path) if self._remark is not None else None
+        return self._remark(path, Status.APPROVED) if self._remark is not None else None
+
+    def _unapproved(self, path: str) -> str:
+        said = self._remark(path, Status.DRAFT) if self._remark is not None else None
+        return said or str(OnlyProposed(key=id_of(path)))
 
     def is_dated(self, key: CameraKey) -> bool:
         """Return whether the result for a camera may depend on the day."""
@@ -259,11 +305,13 @@ class RegistryIndex:
             RegistryError: an entry cannot be read.
         """
         found = near({**self.candidates(key), **self._by_alias(key)}, key, on=on, statuses=statuses)
-        remarks = {one.path: self._remarked(one.path) for one in found}
-        return tuple(
-            replace(one, reason=f"{one.reason}; {remark}") if (remark := remarks[one.path]) else one
-            for one in found
-        )
+        return tuple(map(self._explained, found))
+
+    def _explained(self, one: RejectedEntry) -> RejectedEntry:
+        if one.reason == ONLY_PROPOSED:
+            return replace(one, reason=self._unapproved(one.path))
+        remark = self._remarked(one.path)
+        return replace(one, reason=f"{one.reason}; {remark}") if remark is not None else one
 
     def candidates(self, key: CameraKey) -> Mapping[str, Entry]:
         """Return the entries of a make and model, without those of other units.
@@ -445,7 +493,7 @@ def match_entry(
         if (reason := rule(entry, key)) is not None:
             return reason
     if entry.status not in statuses:
-        if is_proposal(path):
+        if entry.status is Status.DRAFT:
             return ONLY_PROPOSED
         return f"it is {entry.status.value}" + (f": {entry.reason}" if entry.reason else "")
     if on is not None and entry.validity is not None and not entry.validity.holds(on):

@@ -47,9 +47,9 @@ from calibrary.registry.paths import (
     unit_folder,
     unit_paths,
 )
-from calibrary.registry.resolution import RegistryIndex, Resolution
+from calibrary.registry.resolution import OnlyProposed, RegistryIndex, Resolution
 from calibrary.registry.standing import Book, Standing, label_subject, standing_of
-from calibrary.registry.statements import RULES, subject_in, subject_of
+from calibrary.registry.statements import RULES, content_of, subject_in, subject_of
 
 MOST_INDICES = 256
 """Models of which the entries stay in memory."""
@@ -59,6 +59,9 @@ AT_ONCE = 500
 
 FOLLOWED = "rules followed"
 """What a reader keeps the ids of the rules by that it has seen in force."""
+
+MOST_TOLD = 3
+"""Number of proposals that one message tells of."""
 
 MANY = 200
 """Number of entries from which all statements are read at once."""
@@ -185,6 +188,31 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
             said.append(f"another K is proposed and not approved, so not used: {first_of(ids)} {show}")
         said += [more] if (more := self.unapproved(used)) is not None else []
         return "; ".join(said) or None
+
+    def only_proposed(self, path: str) -> OnlyProposed:
+        """Return what is to say of an entry, or a proposal, that is not approved.
+
+        Raises:
+            RegistryError: its file, or the statements, cannot be read.
+        """
+        key, rules = id_of(path), self.configuration.rules
+        if self.repo is None or self.commit is None:
+            return OnlyProposed(key=key, asked=rules.approvals.count)
+        [newest, *_] = history(self.repo, path, self.commit, most=1) or [None]
+        by, digest = newest.author.name if newest is not None else None, (self._oid(path) or "")[:12]
+        if not self.is_stated:
+            return OnlyProposed(key=key, by=by, asked=rules.approvals.count, digest=digest)
+        says = content_of(self._parsed(path, self.committed(path)))
+        found, people = self.book.in_force(subject_of(in_use_path(path))), self.book.rulebook.people
+        same = (found.approvals[name] for name, one in found.waiting.items() if one.says == says)
+        have = max((len(people.counted(approvals)) for approvals in same), default=0)
+        return OnlyProposed(key=key, by=by, have=have, asked=people.rules.approvals.count, digest=digest)
+
+    def all_proposed(self, paths: Iterable[str] | None = None) -> str:
+        """Return the sentences on the first few of some proposals, by default of all; empty if there are none."""
+        every = sorted(self.proposed if paths is None else paths)
+        more = f"; {len(every) - MOST_TOLD} more are proposed" if len(every) > MOST_TOLD else ""
+        return "; ".join(str(self.only_proposed(path)) for path in every[:MOST_TOLD]) + more
 
     def unapproved(self, paths: Iterable[str]) -> str | None:
         """Return a sentence about entries in ``paths`` with files that no statement approves; None if all are."""
@@ -599,7 +627,12 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         """
         if self.repo is None or self.commit is None:
             # In a folder, an entry written by hand needs no digest; an existing one must match.
-            return RegistryIndex(self.paths, self.read, proposed=self.proposed, require_digest=False)
+            return RegistryIndex(
+                self.paths,
+                self.read,
+                proposed=self.proposed,
+                require_digest=False,
+            )
         return RegistryIndex(
             self.paths,
             self.read,
@@ -615,8 +648,10 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         repo, commit = self.require_git("has no history")
         return used_before(repo, commit, path, self.standing(path))
 
-    def remark(self, path: str) -> str | None:
-        """Return what differs between the file of an entry and what is in force of it; None if nothing does."""
+    def remark(self, path: str, status: Status = Status.APPROVED) -> str | None:
+        """Return what to say of an entry: of a proposal what it lacks, else what of its file is not in force."""
+        if status is Status.DRAFT:
+            return str(self.only_proposed(path))
         standing = self.standing(path)
         return standing.remark if standing is not None else None
 

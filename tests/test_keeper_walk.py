@@ -46,7 +46,7 @@ def test_a_keepers_first_day(
     assert "not in any registry" in registry("show", str(image))
 
     assert " new, " in registry("add", "catalogue", "--yes")
-    assert "it is only a proposal" in registry("resolve", str(image), code=4)
+    assert "it lacks 1 of 1 approval" in registry("resolve", str(image), code=4)
 
     said = registry("add", str(xml(lab / "p4r.xml")), *CAMERA, "--yes", "--reason", "test field in March")
     assert f"registry approve {P4R}" in said

@@ -213,7 +213,7 @@ def test_none_is_exit_code_4_with_what_is_near_and_why_not(
     put(fleet, an_entry(status=Status.DRAFT))
     code, out, err = run(capsys, "resolve", "--make", "DJI", "--model", "FC6310R")
     assert (code, out) == (4, "")
-    assert f"near: {an_entry().path}: it is draft" in err
+    assert f"near: {an_entry().path}: dji/fc6310r/5472x3648+f8.8 is proposed" in err
     assert "registry approve" in err
     code, out, _ = run(capsys, "resolve", "--make", "DJI", "--model", "FC6310R", "--json")
     document = json.loads(out)

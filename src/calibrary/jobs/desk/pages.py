@@ -604,6 +604,8 @@ class Pages:
             )
         good_for: tuple[Block, ...] = ("It is not in use, so no program gets it from the registry.",)
         decide: tuple[Section, ...] = ()
+        if stored.is_pending:
+            good_for = (f"It is {snapshot.only_proposed(stored.path).lacks}.",)
         if stored.entry.is_usable:
             good_for = (*_good_for(fleet.use_of(stored)), *_program_flags(K))
             decide = (Section(title="Decide", blocks=(retirement_form(id_, stored.base or ""),)),)

@@ -135,7 +135,8 @@ def export(
     unread: dict[str, InputError] = {}
     stored = [one for one in snapshot.entries(unread.__setitem__) if one.entry.status.value in statuses]
     if not stored:
-        raise InputError("no entry to export; 'calibrary registry list' shows what there is")
+        waiting = snapshot.all_proposed() or "'calibrary registry list' shows what there is"
+        raise InputError(f"no entry to export; {waiting}")
     if record is None:
         write_files({out: _csv(stored) if form == "csv" else _yaml(stored)})
         written = tuple(Exported(entry=one.id, file=out.name) for one in stored)

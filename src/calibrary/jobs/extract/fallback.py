@@ -309,9 +309,10 @@ def _from_registry(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
     known = camera.states[0].known
     if resolved is None or known.resolution is None:
         why = f"the registry has no approved entry for {camera.key}"
-        if known.proposed is not None:
-            why += f"; {id_of(known.proposed.path)} is proposed and not approved, so not used"
-        why += "".join(f"; {near.path} does not apply: {near.reason}" for near in known.near[:2])
+        waits = known.proposed
+        why += f"; {waits.remark}" if waits is not None else ""
+        near = (one for one in known.near[:2] if waits is None or one.path != waits.path)
+        why += "".join(f"; {one.path} does not apply: {one.reason}" for one in near)
         return _without(name, StepOutcome.NOT_THERE, why)
     is_metric = camera.calibration is not None and camera.calibration.grade.is_metric
     failed = {finding.rule for finding in camera.report.failures} if camera.report is not None else set()
@@ -407,8 +408,8 @@ def proposed_against(camera: Camera, used: Calibration | None, policy: Policy) -
     else:
         return None
     return (
-        f"{id_of(found.path)} is proposed and not approved, so not used; beside {own.name} of these images {told} "
-        f"({may.use}: {may.why}); 'calibrary registry show {found.path}' shows it, 'approve' puts it in use"
+        f"{found.remark}; beside {own.name} of these images {told} ({may.use}: {may.why}); 'calibrary registry show "
+        f"{found.path}' shows it"
     )
 
 

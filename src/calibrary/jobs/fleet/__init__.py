@@ -313,6 +313,9 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         shown = ShownEntry(
             **stored.members, recorded=None, use=use.use.value, use_reason=use.why, stored=stored
         )
+        if stored.is_pending:
+            at = self.snapshot if is_plain else self.registry.snapshot(stored.commit)
+            shown = replace(shown, use="none", use_reason=str(at.only_proposed(stored.path)))
         if is_plain:
             return shown
         repo = self.registry.repo
@@ -609,11 +612,10 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
                 pins += found
                 unanswered += without
             else:
-                pins.append(single_match(snapshot.in_use(str(one)), snapshot.paths, str(one)))
+                pins.append(single_match(snapshot.matching(str(one)), snapshot.paths, str(one)))
         if not pins:
-            raise RegistryError(
-                "no entry to pin: none is approved; 'calibrary registry approve KEY' puts one to use"
-            )
+            waiting = snapshot.all_proposed() or "'calibrary registry add FILE' proposes one"
+            raise RegistryError(f"no entry to pin: none is approved; {waiting}")
         lock = replace(pinned(snapshot, pins), unanswered=tuple(unanswered))
         write_files({Path(out): lock_yaml(lock)})
         return lock
