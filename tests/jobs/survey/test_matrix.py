@@ -32,6 +32,7 @@ from calibrary.validation import Severity
 from tests.jobs.extract.fleet import picture
 from tests.registry.entries import FILE, an_entry
 from tests.registry.git.repositories import put, seclude
+from tests.thorough import every
 
 FULL, F = (5472, 3648), 3420.0
 PX_PER_MM, FOCAL_MM = 411.26, 8.29
@@ -144,7 +145,7 @@ CASES: Final = [
 ]
 
 
-@pytest.mark.parametrize(("name", "plane", "camera"), CASES)
+@pytest.mark.parametrize(("name", "plane", "camera"), every(3, CASES))
 def test_an_audit_gives_the_entry_the_k_that_resolve_gives_it(
     asked: Callable[..., Asked], name: str, plane: bool, camera: tuple[str, str]
 ) -> None:
@@ -164,7 +165,8 @@ def test_an_audit_gives_the_entry_the_k_that_resolve_gives_it(
 
 
 @pytest.mark.parametrize(
-    ("name", "plane", "camera"), [case for case in CASES if case[0] in NOT_TOLD or case[2] == UNKNOWN]
+    ("name", "plane", "camera"),
+    every(5, [case for case in CASES if case[0] in NOT_TOLD or case[2] == UNKNOWN]),
 )
 def test_onboard_proposes_the_k_that_was_measured_on_the_new_frame(
     asked: Callable[..., Asked],
