@@ -414,3 +414,27 @@ def test_what_is_only_inferred_of_an_unknown_sensor_is_no_k_of_the_image_as_a_fi
     image = picture(tmp_path / "a.jpg", make="Example", model="One", focal_mm=(35, 1), focal_35mm=35)
     with pytest.raises(MissingTagError, match="nothing in the image gives K"):
         read(image)
+
+
+class TestAGivenFileOfAnyFormat:
+    def test_its_k_and_distortion_are_used(self, tmp_path: Path) -> None:
+        picture(tmp_path / "flight/a.jpg")
+        opencv_file(tmp_path / "given.yml")
+        camera = only(gate(tmp_path / "flight", fallback_k=tmp_path / "given.yml"))
+        assert focal_px(camera) == pytest.approx(3660.5)
+        assert camera.calibration is not None
+        assert camera.calibration.distortion is not None
+        assert camera.calibration.distortion.coefficients["k1"] == 0.01
+
+    def test_one_for_another_frame_is_refused_with_the_two_sizes(self, tmp_path: Path) -> None:
+        picture(tmp_path / "flight/a.jpg")
+        opencv_file(tmp_path / "given.yml", size=(4000, 2250))
+        camera = only(gate(tmp_path / "flight", fallback_k=tmp_path / "given.yml"))
+        assert camera.calibration is None
+        assert why(camera, StepName.FALLBACK_K) == "it is for 4000×2250, and these images are 5472×3648"
+
+    def test_a_bad_one_ends_the_run_with_its_readers_reason(self, tmp_path: Path) -> None:
+        picture(tmp_path / "flight/a.jpg")
+        (tmp_path / "given.yml").write_text("<<<<<<< mine\nK: 1\n=======\nK: 2\n>>>>>>> theirs\n")
+        with pytest.raises(InputError, match="unresolved merge of git"):
+            gate(tmp_path / "flight", fallback_k=tmp_path / "given.yml")

@@ -89,7 +89,7 @@ def extract(
             without git; or the https:// address of a published one; of several, the first that answers is used.
         locked: use only the entries of the registry that this file pins, as they were then; an error if that state is
             lost.
-        fallback_k: a calibrated K (.npy) to use if the images yield none.
+        fallback_k: a calibrated K, in a file of any format, to use if the images yield none.
         out: .npy file for a valid K, and beside it the report; with several cameras, each file name contains the name
             of the camera; a K that is not valid has unproven or seed in the name.
         to: also write the files that this program needs, for cameras whose K it may use.

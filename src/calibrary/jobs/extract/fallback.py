@@ -6,7 +6,7 @@ is not a K until it is refined; the fleet's registry. Every step is recorded, wh
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from enum import StrEnum
 from pathlib import Path
 from shlex import quote
@@ -17,7 +17,7 @@ from calibrary import parsers
 from calibrary.admission import admission
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Provenance
 from calibrary.distortion import NoDistortion
-from calibrary.errors import InputError, first_of
+from calibrary.errors import InputError, MissingSizeError, first_of
 from calibrary.evidence.context import Source
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.evidence.readings import readings
@@ -84,14 +84,14 @@ class Sources(Struct, frozen=True, kw_only=True):
     """Sources of fallbacks.
 
     Attributes:
-        matrix: the explicit K: its file name, and a function that makes Intrinsics for an image size.
+        matrix: the explicit K: its file name, and a function that gives its cameras for an image size.
         files: calibrations in the folders of the images, with their file names.
         unreadable: files that look like calibrations, with the reason why they cannot be read.
         knowledge: gives the registry, which is the last step.
         rivals: number of cameras of this run without a K, by image size.
     """
 
-    matrix: tuple[str, Callable[[ImageSize], Intrinsics]] | None
+    matrix: tuple[str, Callable[[ImageSize], Sequence[Calibration]]] | None
     files: tuple[tuple[str, Calibration], ...] = ()
     unreadable: tuple[tuple[str, str], ...] = ()
     knowledge: Knowledge
@@ -121,19 +121,32 @@ class Fallback(Struct, frozen=True, kw_only=True):
         return next((one for one in reversed(self.steps) if one.outcome is StepOutcome.TAKEN), None)
 
 
-def read_matrix(path: Path) -> tuple[str, Callable[[ImageSize], Intrinsics]]:
-    """Read an explicit K and check that it is a valid matrix, independent of the image size.
+def read_given(path: Path) -> tuple[str, Callable[[ImageSize], Sequence[Calibration]]]:
+    """Read an explicit K of any format; one that states no image size is of the images' size.
 
     Raises:
-        InputError: the file does not exist, is not a .npy, or is not a finite (3, 3) intrinsic matrix.
+        InputError: the file cannot be read, or has no K.
     """
+    if path.suffix.lower() != ".npy":
+        return path.name, _of_any_format(path)
     [calibration] = parsers.read(path, format="k_npy", image_size=(1, 1))
     matrix = calibration.intrinsics.matrix
+    made = Provenance(kind="matrix-file", source=path.name, assumptions=("the K given is this camera's",))
 
-    def for_frame(size: ImageSize) -> Intrinsics:
-        return Intrinsics.from_matrix(matrix, size)
+    def for_frame(size: ImageSize) -> Sequence[Calibration]:
+        K = Intrinsics.from_matrix(matrix, size)
+        return [replace(calibration, intrinsics=K, grade=Grade.CALIBRATED, provenance=made, notes=())]
 
     return path.name, for_frame
+
+
+def _of_any_format(path: Path) -> Callable[[ImageSize], Sequence[Calibration]]:
+    """The cameras of a file, read again with the size of the images if it states none."""
+    try:
+        found = parsers.read(path)
+    except MissingSizeError:
+        return lambda size: parsers.read(path, image_size=size)
+    return lambda _: found
 
 
 def seed(key: CameraKey, size: ImageSize, known: tuple[float, str] | None = None) -> Calibration:
@@ -229,18 +242,20 @@ def _explicit(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
         why = f"{sources.rivals[size]} cameras of this size have no K, and one K cannot be of two cameras"
         return _without(name, StepOutcome.REFUSED, why, source)
     try:
-        intrinsics = for_frame(size)
+        found = for_frame(size)
     except InputError as error:
         return _without(name, StepOutcome.REFUSED, error.message, source)
-    calibration = Calibration(
-        camera=camera.key,
-        intrinsics=intrinsics,
-        grade=Grade.CALIBRATED,
-        provenance=Provenance(
-            kind="matrix-file", source=source, assumptions=("the K given is this camera's",)
-        ),
-    )
-    return _judged(camera, of_file(source, calibration), policy, name)
+    fitting = [one for one in found if fits(one, size)]
+    if len(fitting) != 1:
+        sizes = first_of(sorted({"{}×{}".format(*one.intrinsics.image_size) for one in found}))
+        why = f"it is for {sizes}, and these images are {size[0]}×{size[1]}"
+        if fitting:
+            why = f"{len(fitting)} of its cameras are of the size of these images; give a file with one"
+        return _without(name, StepOutcome.REFUSED, why, source)
+    if (other := foreign(fitting[0], camera.key)) is not None:
+        return _without(name, StepOutcome.REFUSED, other, source)
+    calibration = replace(fitting[0], camera=camera.key)
+    return _judged(camera, of_file(source, calibration), policy, name, camera.doubt(calibration))
 
 
 def _from_files(camera: Camera, policy: Policy, sources: Sources) -> Attempt:

@@ -12,7 +12,7 @@ from typing import Literal
 from msgspec import Struct
 
 from calibrary.arguments import Place, PolicyLike
-from calibrary.calibration import CameraKey, ImageSize, Intrinsics
+from calibrary.calibration import Calibration, CameraKey, ImageSize
 from calibrary.errors import InputError, UsageError, ValidationError
 from calibrary.evidence.metadata import ImageMetadata, TagFault, as_float
 from calibrary.evidence.originality import Pixels
@@ -38,7 +38,7 @@ from calibrary.jobs.extract.fallback import (
     moved,
     outranking,
     proposed_against,
-    read_matrix,
+    read_given,
 )
 from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
@@ -80,7 +80,7 @@ class Judging(Struct, frozen=True, kw_only=True):
         strict: whether to stop at the first violation of the policy.
         verify: whether to check K against the pixels of a dozen images per camera, or per camera without a valid K.
         knowledge: the catalogue and the registries.
-        matrix: name of a K stated by the user, and that K by image size, if the images give none.
+        matrix: name of a file with a K stated by the user, and its cameras by image size, if the images give none.
         progress: of the check against pixels, called with "features", "pairs" and "placed".
     """
 
@@ -91,7 +91,7 @@ class Judging(Struct, frozen=True, kw_only=True):
     strict: bool = False
     verify: bool | Literal["unproven"] = False
     knowledge: Knowledge
-    matrix: tuple[str, Callable[[ImageSize], Intrinsics]] | None = None
+    matrix: tuple[str, Callable[[ImageSize], Sequence[Calibration]]] | None = None
     progress: Progress | None = None
 
 
@@ -138,7 +138,7 @@ def run(  # noqa: PLR0913, D417  as many and the same as the job has
     if verify:
         require(SFM, "comparing K with the pixels")
     knowledge = Knowledge.load(registry, lock)
-    matrix = read_matrix(fallback_k) if fallback_k is not None else None
+    matrix = read_given(fallback_k) if fallback_k is not None else None
     listing = Listing(images, recursive=recursive, lines=lines, keep=may_be_calibration)
     if listing.known == 0:
         # All of a bucket's prefix and of an archive is gone through in any case.
