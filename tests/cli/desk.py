@@ -32,7 +32,7 @@ COMMANDS: dict[str, int] = {
     "calibrate --from corners.json --out new/c/lens.yml --to opencv_storage --html new/c/r.html": 0,
     "calibrate --from corners.json": 0,
     "calibrate --from corners.json --correlations": 0,
-    "calibrate rig --from rig/rig.json --lens-model k1k2p1p2 --out new/c/camchain.yaml": 1,
+    "calibrate rig --from rig/rig.json --lens-model k1k2p1p2 --out new/c/camchain.yaml": 0,
     "calibrate board checkerboard:11x8 --square-mm 40 --out new/b/board.pdf": 0,
     f"registry add camera.xml {KEY} --reason first --yes": 0,
     "registry approve fc6310r --digest DIGEST --reason 'looked at it for a long while, over the test field in May'": 0,

@@ -14,6 +14,8 @@ from tests.cli.desk import COMMANDS, READING, REFUSED, Ran, printed, terminal, u
 
 ONE_LINE_A_ROW = ("extract survey --dry-run",)
 """Commands that leave out columns of their table, and say so, where a terminal is very narrow."""
+A_SCRIPT_READS = "registry resolve"
+"""Whose answer is one line, however long."""
 
 VERDICTS = {
     "extract survey --dry-run": r"2 cameras, judged by the fleet policy: 1 valid, 1 unproven",
@@ -86,7 +88,7 @@ def test_the_same_is_said_on_a_terminal_of_every_width_and_no_word_is_broken(
     for width in (2000, 120, 80, *(() if command in ONE_LINE_A_ROW else (60,))):
         terminal(monkeypatch, width)
         said[width] = unstyled(printed(command).out)
-        assert too_wide(said[width], width) == []
+        assert command.startswith(A_SCRIPT_READS) or too_wide(said[width], width) == []
     wide = words(said[2000])
     for width, text in said.items():
         assert wide - words(text) == set(), width

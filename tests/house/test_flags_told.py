@@ -21,6 +21,7 @@ OF_ONE = {
     "calibrary calibrate flight": {"correlations"},
     "calibrary registry export": {"public"},
     "calibrary desk": {"no_open"},
+    "calibrary registry audit": {"explain"},
     "calibrary registry show": {"yaml"},
     "calibrary registry set": {"words"},
 }

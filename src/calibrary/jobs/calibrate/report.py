@@ -97,7 +97,7 @@ class CalibrateReport(Record, tag_field="schema", tag="calibration-result-3"):
 
     >>> found = calibrary.calibrate("frames", board="checkerboard:9x6", square_mm=40)
     >>> found.verdict.value, found.calibration.quality.views
-    ('provisional', 10)
+    ('pass', 10)
     """
 
     verdict: BoardVerdict

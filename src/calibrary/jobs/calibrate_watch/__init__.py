@@ -3,7 +3,7 @@
 >>> from calibrary.jobs.calibrate_watch import watch
 >>> [status] = watch("frames", board="checkerboard:9x6", once=True)
 >>> status.views, status.done
-(10, False)
+(10, True)
 """
 
 from __future__ import annotations

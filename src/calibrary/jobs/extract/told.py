@@ -212,9 +212,22 @@ def _row(cameras: Sequence[CameraDocument]) -> Row:
         grade=", ".join(grades),
         images=sum(camera.count for camera in cameras),
         fx=fx,
-        why=f"K from {taken} of the registry" if taken else first.why or "",
+        why=f"K from {taken} of the registry" if taken else first.why or _seen(first),
         do=first.what_to_do or "",
     )
+
+
+def _seen(camera: CameraDocument) -> str:
+    """What the pixels say of a valid K, where they were asked."""
+    check = camera.pixels
+    if check is None:
+        return ""
+    seen = {
+        PixelVerdict.AGREES: "agree",
+        PixelVerdict.CONTRADICTS: "contradict it",
+        PixelVerdict.CANNOT_TELL: "cannot tell",
+    }
+    return f"the pixels of {check.images} images {seen[check.verdict]}: {check.reason}"
 
 
 def _unread(found: ExtractReport) -> Iterator[Row]:
