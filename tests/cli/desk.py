@@ -123,7 +123,7 @@ REFUSED = {
         "extract nowhere",
         "extract empty",
         "extract survey --policy nothing",
-        "extract survey --fallback-k camera.xml",
+        "extract survey --fallback-k nothing.xml",
         "extract survey --html page.txt",
         "check survey nothing.xml",
         "check survey/a.jpg",
