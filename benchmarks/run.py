@@ -98,7 +98,7 @@ def _as_installed() -> dict[str, str]:
     return {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
 
 
-def told(rows: Sequence[tuple[str, Row]]) -> list[tuple[str, Row]]:
+def shown(rows: Sequence[tuple[str, Row]]) -> list[tuple[str, Row]]:
     """Return what the page shows: limits that are missed first, and of many alike the one nearest to its limit."""
     missed = [(area, row) for area, row in rows if row.met == "no"]
     alike: dict[tuple[str, str, str], list[Row]] = {}
@@ -137,7 +137,7 @@ def page_of(outcomes: dict[str, Outcome]) -> str:
     limited = [row for _, row in rows if row.met]
     text += f"{sum(row.met == 'yes' for row in limited)} of {len(limited)} limits are met.\n\n"
     text += "| area | measure | ours | peer | ratio | limit | met? |\n| --- | --- | --- | --- | --- | --- | --- |\n"
-    text += "".join(f"| {' | '.join((area, *row))} |\n" for area, row in told(rows))
+    text += "".join(f"| {' | '.join((area, *row))} |\n" for area, row in shown(rows))
     for area, found in outcomes.items():
         if found.failure:
             text += f"\n`{area}` did not come to its end: {found.failure}\n"

@@ -50,12 +50,12 @@ class Budget(Record):
     @property
     def largest(self) -> tuple[Part, ...]:
         """The two largest parts, largest first; the second only if it counts."""
-        parts = sorted(self.parts, key=lambda part: -self.parts[part])
+        parts = sorted(self.parts, key=self.parts.__getitem__, reverse=True)
         return tuple(part for part in parts[:2] if self.parts[part] > self.total / 4)
 
-    def without(self, *parts: Part) -> float:
-        """Return the standard deviation once parts are mended."""
-        return math.hypot(*(value for part, value in self.parts.items() if part not in parts))
+    def without(self, mended: Part) -> float:
+        """Return the standard deviation once a part is mended."""
+        return math.hypot(*(value for part, value in self.parts.items() if part is not mended))
 
     def views_for(self, limit: float) -> int | None:
         """Return how many views like these reach a limit; None if no number does, since only noise averages."""

@@ -167,7 +167,7 @@ def _known(e: Evidence, limits: Limits, policy: Policy) -> Iterator[Finding]:
             limit=policy.fixed_share,
             message=f"{known}, need {policy.fixed_share:.0%} to keep K fixed"
             + (f"; {e.subject.point}s were seen near {whole_percent(e.near)} of it" if wide else ""),
-            remedy=_to_narrow(e, policy) if wide else _where(e),
+            remedy="; ".join(_removing(part, e, policy) for part in e.budget.largest) if wide else _where(e),
         )
     elif proven.edge_px > policy.fixed_sigma_px:
         yield _edge(e, proven, limits.edge_wanted_px, policy.fixed_sigma_px)
@@ -206,11 +206,10 @@ def _made_of(e: Evidence) -> str:
 
 def _to_narrow(e: Evidence, policy: Policy) -> str:
     """Return what removes the largest parts of the focal length's standard deviation, and what it is then."""
-    budget = e.budget
-    steps = [
-        f"{_removing(part, e, policy)}: {_percent(_removed(part, e, policy))} then" for part in budget.largest
-    ]
-    return "; ".join(steps)
+    return "; ".join(
+        f"{_removing(part, e, policy)}: {_percent(_removed(part, e, policy))} then"
+        for part in e.budget.largest
+    )
 
 
 def _removing(part: Part, e: Evidence, policy: Policy) -> str:
@@ -248,7 +247,7 @@ def _to_agree(e: Evidence) -> str:
     """Return what keeps views from disagreeing: the remedy of what the residuals show, or what usually does."""
     likely = e.misfit.likely if e.misfit is not None else ()
     return (
-        " or ".join(_CAUSES[one.cause][1] for one in likely)
+        "; or ".join(_CAUSES[one.cause][1] for one in likely)
         or "keep camera and board still, and the board flat"
     )
 
