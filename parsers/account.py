@@ -30,8 +30,9 @@ from msgspec import Struct
 
 from calibrary.arrays import np
 from calibrary.calibration import Calibration
-from calibrary.distortion import BrownConrady, KannalaBrandt, NoDistortion
+from calibrary.distortion import NoDistortion
 from calibrary.errors import InputError, ParseError
+from calibrary.parsers import names
 from calibrary.parsers import text as strict
 from calibrary.parsers.document import Documents, Node, keeping
 from calibrary.parsers.format import NOT_UNDERSTOOD, Format, ReadContext
@@ -110,18 +111,6 @@ _OF_SOMETHING_ELSE = re.compile(
 )
 """Tables of other sensors, and of what was photographed."""
 _MODEL_KEY = re.compile(r"(?:distort|lens|camera|projection|cam).*(?:model|type)|\Amodel(?:type)?\Z")
-_MODEL = re.compile(
-    r"fish.?eye|equidist|kannala|\bkb\d?\b|rad.?tan|plumb|brown|rational|thin.?prism|tilted|omni|\bmei\b|scaramuzza"
-    r"|ocam|division|\bfov\b|double.?sphere|\beucm\b|full.?opencv|taylor",
-    re.IGNORECASE,
-)
-_NAMES: dict[type, re.Pattern[str]] = {
-    BrownConrady: re.compile(r"rad.?tan|plumb.?bob|brown(.?conrady)?", re.IGNORECASE),
-    KannalaBrandt: re.compile(
-        r"(opencv.?)?fish.?eye|equi(distant)?|kannala.?brandt[48]?|kb4?", re.IGNORECASE
-    ),
-}
-"""Whole names that no other lens has: RealSense's inverse_brown_conrady is another."""
 
 
 class _Slot(Struct, frozen=True):
@@ -265,8 +254,8 @@ class Account:
                 f"it names a lens where {title} has no place for a name, and without it the lens was read as {models}; "
                 f"state the model where {title} does if it is another, or remove the name if it is not"
             )
-        names = self._record.convention.coefficients if self._record.convention is not None else ()
-        expected = f"; expected {', '.join(names)}" if names else ""
+        wanted = self._record.convention.coefficients if self._record.convention is not None else ()
+        expected = f"; expected {', '.join(wanted)}" if wanted else ""
         return (
             f"it could be a part of the lens, and is nothing that {title} has{expected}: give it the name of the one "
             "that it is, or remove it if it is none"
@@ -347,8 +336,10 @@ def _explained(cameras: Sequence[Calibration], groups: Iterable[Sequence[Stateme
     stated = Counter(abs(value) for value in values if isinstance(value, float))
     known: set[float | str] = {value for value, count in read.items() if stated[value] <= count}
     kinds: set[type] = {type(item.distortion) for item in cameras}
-    if len(kinds) == 1 and (name := _NAMES.get(kinds.pop())):
-        known |= {value for value in values if isinstance(value, str) and name.fullmatch(value.strip("\"' "))}
+    if len(kinds) == 1 and (words := names.OWN.get(kinds.pop().__name__)):
+        known |= {
+            one for one in values if isinstance(one, str) and names.simplified(one.strip("\"' ")) in words
+        }
     return known
 
 
@@ -445,7 +436,7 @@ def _statements_of(
         values = [slot.value for slot in slots]
         first = values[0]
         if isinstance(first, str):
-            if (kind.model or kind.vector) and _MODEL.search(first):
+            if (kind.model or kind.vector) and names.LENS.search(first):
                 found.append(Statement(path, tuple(slots)))
             continue
         if is_bare and not focals.isdisjoint(values):

@@ -109,6 +109,16 @@ LENSES: Final = {
 }
 """Words for a lens: the same in every file."""
 _FAMILIES = {word: family for family, words in LENSES.items() for word in words.split()}
+OWN: Final = {
+    "BrownConrady": frozenset({"brown", "brownconrady", "plumbbob", "radtan"}),
+    "KannalaBrandt": frozenset(LENSES[Family.FISHEYE].split()),
+}
+"""Words that no other lens has, by its class: RealSense's inverse Brown-Conrady is another."""
+LENS: Final = re.compile(
+    r"(?i)fish.?eye|equidist|kannala|\bkb\d?\b|rad.?tan|plumb|brown|rational|thin.?prism|tilted|omni|\bmei\b|scaramuzza"
+    r"|ocam|division|\bfov\b|double.?sphere|\beucm\b|full.?opencv|taylor"
+)
+"""What tells in any text that it names a lens."""
 
 RADIAL_FIRST: Final = ("k1", "k2", "k3", "p1", "p2")
 """The order of MATLAB and of photogrammetry, for coefficients that OpenCV orders k1 k2 p1 p2 k3."""

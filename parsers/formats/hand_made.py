@@ -76,8 +76,6 @@ DISTORTION = Option(
 MM = {"mm": 1.0, "um": 1e-3}
 OWN_KEYS = frozenset({("cameramatrix", "distortioncoefficients"), ("m", "d")})
 """Keys of OpenCV's calibration and stereo samples; their coefficients are Brown's unless stated otherwise."""
-OF_FIVE = frozenset({"brown", "brownconrady", "plumbbob", "radtan"})
-"""Names of the model of five coefficients, whatever others stand behind them."""
 NEAR = 0.15
 FAR = 0.25
 """Shares of a side: how near the middle a principal point is in the right frame, and how far off in a wrong one."""
@@ -686,7 +684,7 @@ class _Camera:
             (
                 one.text
                 for one in self.part.all("distortion model", "model")
-                if simplified(one.text) in OF_FIVE
+                if simplified(one.text) in names.OWN["BrownConrady"]
             ),
             None,
         )
