@@ -44,7 +44,7 @@ SOURCE_DOCUMENT = "flags of the source document"
 GROUPS = {
     "which images": ("recursive", "workers", "cluster"),
     "limits that K is checked against": ("policy", "verify"),
-    "what is known of the cameras": ("sensor", "camera", "focal_mm", "registry", "locked"),
+    "what is known of the cameras": ("sensor", "camera", "focal_mm", "registry", "locked", "fallback_camera"),
     "what is written": (
         *("to", "database", "task", "copy_images", "drop_distortion", "include_unproven"),
         *("html", "list_images", "dry_run"),

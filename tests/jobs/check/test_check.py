@@ -212,7 +212,7 @@ class TestBesideTheImages:
         name = write(images).name
         outcome = gate(images)
         [warning] = outcome.warnings
-        assert warning.startswith(f"{name}, which is beside the images and is not used, is off by ")
+        assert warning.startswith(f"beside the images, but not used: {name}: off by ")
         assert "px at most over the frame" in warning
         assert "of height at 100 m" in warning
         assert outcome.exit_code == 0

@@ -34,7 +34,7 @@ def test_a_calibration_beside_the_images_is_found_under_any_name(tmp_path: Path,
     lens(images / name, fx=3500.0)
     assert named(images) == [name]
     [said] = [one for one in gate(images).warnings if name in one]
-    assert "which is beside the images and is not used, is off by" in said
+    assert said.startswith(f"beside the images, but not used: {name}: off by ")
 
 
 def test_what_merely_has_the_shape_of_one_is_not_taken_under_any_name(tmp_path: Path) -> None:

@@ -21,9 +21,11 @@ from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.extraction import JudgedCamera
 from calibrary.jobs.extract.fallback import Fallback, Sources, StepName, fall_back
 from calibrary.jobs.extract.report import ExtractReport
+from calibrary.jobs.files import write
+from calibrary.jobs.k import k
 from calibrary.parsers import read
 from calibrary.policy import FLEET
-from calibrary.records import replace
+from calibrary.records import encoded, replace
 from calibrary.validation import Verdict
 from tests.jobs.extract.fleet import (
     KNOWLEDGE,
@@ -225,19 +227,44 @@ class TestAFileBesideTheImages:
     def test_one_of_another_frame_is_not_used_and_its_frame_is_told(self, tmp_path: Path) -> None:
         picture(tmp_path / "a.jpg", (4000, 3000))
         (tmp_path / "camera.xml").write_text(METASHAPE)
-        camera = only(gate(tmp_path))
-        assert camera.calibration is None
-        assert "5472×3648" in why(camera, StepName.CALIBRATION_FILE)
+        found = gate(tmp_path)
+        assert only(found).calibration is None
+        assert found.warnings == (
+            "beside the images, but not used: camera.xml: it is for 5472×3648, and no camera here has such images",
+        )
 
     def test_one_that_cannot_be_read_is_told_and_other_files_are_left_alone(self, tmp_path: Path) -> None:
         picture(tmp_path / "a.jpg")
         (tmp_path / "camera.xml").write_text(METASHAPE.replace("3660.5", "wide"))
         (tmp_path / "notes.txt").write_text("windy")
         (tmp_path / "flight.json").write_text("{}")
-        printed = why(only(gate(tmp_path)), StepName.CALIBRATION_FILE)
-        assert "camera.xml" in printed
-        assert "notes" not in printed
-        assert "flight" not in printed
+        [printed] = gate(tmp_path).warnings
+        assert printed.startswith("beside the images, but not used: camera.xml: ")
+
+    def test_files_with_one_cause_share_a_sentence_however_many_images_there_are(
+        self, tmp_path: Path
+    ) -> None:
+        for name in "abc":
+            picture(tmp_path / f"{name}.jpg", (4000, 3000))
+            (tmp_path / f"{name}.xml").write_text(METASHAPE)
+        [printed] = gate(tmp_path).warnings
+        assert printed.startswith("beside the images, but not used: a.xml, b.xml, c.xml: ")
+
+    def test_a_measured_one_beside_images_with_a_derived_k_is_told(self, tmp_path: Path) -> None:
+        picture(tmp_path / "a.jpg", **P4R)
+        (tmp_path / "camera.xml").write_text(METASHAPE)
+        found = gate(tmp_path)
+        assert only(found).verdict is Verdict.VALID
+        assert found.warnings == (
+            "beside the images, but not used: camera.xml: the K of the images is valid without it, but not "
+            "measured; a registry puts this one in its place",
+        )
+
+    def test_a_k_without_an_image_size_is_offered_to_fallback_k(self, tmp_path: Path) -> None:
+        picture(tmp_path / "a.jpg")
+        off_centre = np.array([[3660.5, 0.0, 2700.0], [0.0, 3660.5, 1830.0], [0.0, 0.0, 1.0]])
+        np.save(tmp_path / "K.npy", off_centre)
+        assert "--fallback-k takes it" in f"{only(gate(tmp_path)).reason} {gate(tmp_path).warnings}"
 
     def test_it_is_looked_for_in_sub_folders_only_where_images_are(self, tmp_path: Path) -> None:
         picture(tmp_path / "a.jpg")
@@ -250,17 +277,15 @@ class TestAFileBesideTheImages:
         picture(tmp_path / "a.jpg")
         opencv_file(tmp_path / "a.yml", fx=3660.0)
         opencv_file(tmp_path / "b.yml", fx=3665.0)
-        printed = why(only(gate(tmp_path)), StepName.CALIBRATION_FILE)
-        assert "a.yml, b.yml" in printed
-        assert "keep one" in printed
+        assert str(only(gate(tmp_path)).reason).endswith(
+            "; a.yml, b.yml is not used: 2 different calibrations fit images of this size; keep one"
+        )
 
     def test_of_many_that_differ_three_are_named(self, tmp_path: Path) -> None:
         picture(tmp_path / "a.jpg")
         for number in range(9):
             opencv_file(tmp_path / f"{number}.yml", fx=3660.0 + number)
-        printed = why(only(gate(tmp_path)), StepName.CALIBRATION_FILE)
-        assert printed.startswith("9 different calibrations fit images of this size: ")
-        assert "0.yml, 1.yml, 2.yml and 6 more" in printed
+        assert "0.yml, 1.yml, 2.yml and 6 more is not used: 9 different" in str(only(gate(tmp_path)).reason)
 
     def test_two_that_differ_in_their_distortion_alone_are_refused_as_well(self, tmp_path: Path) -> None:
         picture(tmp_path / "a.jpg")
@@ -438,3 +463,34 @@ class TestAGivenFileOfAnyFormat:
         (tmp_path / "given.yml").write_text("<<<<<<< mine\nK: 1\n=======\nK: 2\n>>>>>>> theirs\n")
         with pytest.raises(InputError, match="unresolved merge of git"):
             gate(tmp_path / "flight", fallback_k=tmp_path / "given.yml")
+
+    def test_a_folder_is_answered_with_the_files_in_it(self, tmp_path: Path) -> None:
+        picture(tmp_path / "flight/a.jpg")
+        (tmp_path / "given").mkdir()
+        opencv_file(tmp_path / "given/left.yml")
+        with pytest.raises(InputError, match=r"is a folder .* choose one of left\.yml"):
+            gate(tmp_path / "flight", fallback_k=tmp_path / "given")
+
+    def test_a_document_of_ours_is_read(self, tmp_path: Path) -> None:
+        picture(tmp_path / "flight/a.jpg")
+        opencv_file(tmp_path / "given.yml")
+        (tmp_path / "k.json").write_bytes(encoded(k(tmp_path / "given.yml")))
+        found = only(gate(tmp_path / "flight", fallback_k=tmp_path / "k.json"))
+        assert focal_px(found) == pytest.approx(3660.5)
+
+    def test_of_several_cameras_one_is_chosen_by_number_or_name(self, tmp_path: Path) -> None:
+        picture(tmp_path / "flight/a.jpg")
+        opencv_file(tmp_path / "one.yml", fx=3660.5)
+        left = read(tmp_path / "one.yml")[0]
+        both = [
+            replace(
+                left, camera=CameraKey(sub_camera=name), intrinsics=replace(left.intrinsics, fx=fx, fy=fx)
+            )
+            for name, fx in (("left", 3660.5), ("right", 3670.5))
+        ]
+        write(both, tmp_path / "two.json", format="opensfm")
+        told = why(only(gate(tmp_path / "flight", fallback_k=tmp_path / "two.json")), StepName.FALLBACK_K)
+        assert told.startswith("it holds 2 cameras, choose one with --fallback-camera N: 1 ")
+        for which in ("2", "right"):
+            found = gate(tmp_path / "flight", fallback_k=tmp_path / "two.json", fallback_camera=which)
+            assert focal_px(only(found)) == pytest.approx(3670.5)

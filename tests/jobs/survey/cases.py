@@ -219,7 +219,7 @@ def _extract(one: Folder, report: ExtractReport, found: Answers) -> None:
     found.said.append(f"extract: {camera.verdict} fx {K.intrinsics.fx if K else None}: {why}")
     if one.file is not None:
         used = valid and K is not None and K.provenance.source == one.file.name
-        told = any(one.file.name in text and ("off" in text or "not used" in text) for text in why)
+        told = any(one.file.name in text and ("off" in text or "is not used" in text) for text in why)
         refused = any(step.is_refused and step.source == one.file.name for step in steps)
         found.of_file["extract"] = FOR if used else AGAINST if told or refused else None
     if one.registry is not None:

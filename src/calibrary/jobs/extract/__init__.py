@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 from msgspec import Meta
 
-from calibrary.arguments import File, Folder, Place, PolicyLike, Workers
+from calibrary.arguments import File, Folder, Place, PolicyLike, Text, Workers
 from calibrary.policy import FLEET
 from calibrary.progress import Progress
 
@@ -50,6 +50,7 @@ def extract(
     registry: Place | Sequence[Place] | None = None,
     locked: Annotated[str | Path, Meta(title="LOCKFILE")] | None = None,
     fallback_k: File | None = None,
+    fallback_camera: Text | None = None,
     out: File | None = None,
     to: Program | None = None,
     database: File | None = None,
@@ -90,6 +91,7 @@ def extract(
         locked: use only the entries of the registry that this file pins, as they were then; an error if that state is
             lost.
         fallback_k: a calibrated K, in a file of any format, to use if the images yield none.
+        fallback_camera: which camera of that file, if several are of these images: its number or name.
         out: .npy file for a valid K, and beside it the report; with several cameras, each file name contains the name
             of the camera; a K that is not valid has unproven or seed in the name.
         to: also write the files that this program needs, for cameras whose K it may use.
@@ -120,11 +122,14 @@ def extract(
 
         # The process that readers are forked from starts while the rest is loaded: half a second less.
         get_ready(["calibrary.jobs.images.reading"])
+    from calibrary.errors import UsageError
     from calibrary.jobs.extract.outputs import Wanted
     from calibrary.jobs.extract.run import limits, run
     from calibrary.jobs.images.places import place_of
     from calibrary.registry.places import registries
 
+    if fallback_camera is not None and fallback_k is None:
+        raise UsageError("--fallback-camera goes with --fallback-k FILE")
     wanted = Wanted(
         out=_path(out),
         to=to,
@@ -151,6 +156,7 @@ def extract(
         registry=registries(registry, needed=locked is not None),
         lock=_path(locked),
         fallback_k=_path(fallback_k),
+        fallback_camera=fallback_camera,
         strict=strict_validation,
         verify=verify,
         list_images=list_images or to is not None,

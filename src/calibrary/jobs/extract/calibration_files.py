@@ -19,21 +19,24 @@ from msgspec import Struct
 from calibrary import parsers
 from calibrary.admission import admission
 from calibrary.arguments import Reading
-from calibrary.calibration import Calibration, ImageSize
+from calibrary.calibration import Calibration, Grade, ImageSize, Intrinsics, Provenance
 from calibrary.errors import (
     CalibraryError,
     CalibrationError,
     FrameError,
     InputError,
+    MissingSizeError,
     MissingTagError,
     UnknownFormatError,
+    first_of,
 )
+from calibrary.image_size import is_resized
 from calibrary.jobs.diff.verdicts import ALARMING
 from calibrary.jobs.diff.wording import length, pixels
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.extraction import JudgedCamera
-from calibrary.jobs.extract.fallback import StepName, fits, may_be_part
-from calibrary.jobs.files import choose, read_file
+from calibrary.jobs.extract.fallback import CHOICE, StepName, fits, may_be_part
+from calibrary.jobs.files import choose, file_of, read_file
 from calibrary.jobs.survey import Placed, Weighed, Who, limit_between, of_file
 from calibrary.jobs.survey.limits import NOMINAL, foreign
 from calibrary.parsers.format import Sure
@@ -105,8 +108,15 @@ def read_calibration_files(
         except UnknownFormatError:
             continue
         except (CalibraryError, OSError) as error:
-            unreadable.append((name, str(error)))
+            unreadable.append((name, _reason(error)))
     return found, unreadable
+
+
+def _reason(error: CalibraryError | OSError) -> str:
+    """Why a file cannot be read, without its name."""
+    if isinstance(error, InputError):
+        return str(type(error)(error.message, place=error.place))
+    return str(error)
 
 
 def _calibration_files(paths: Sequence[Path]) -> Iterator[Path]:
@@ -131,6 +141,51 @@ def _is_claimed(path: Path) -> bool:
     except InputError:
         return False
     return found.sniff.sure is not Sure.WEAK and found.format.read is not None
+
+
+def read_given(
+    path: Path, which: str | None = None
+) -> tuple[str, Callable[[ImageSize], Sequence[Calibration]]]:
+    """Read an explicit K of any format; one that states no image size is of the images' size.
+
+    Args:
+        path: of the file, or of the folder of a reconstruction.
+        which: number or name of the camera in it.
+
+    Raises:
+        InputError: nothing there can be read, or has a K, or such a camera.
+    """
+    if path.is_dir() and file_of(path) is None:
+        inside = sorted(one.name for one in path.iterdir() if _suffix(one.name) in USUAL)
+        listed = f"; choose one of {first_of(inside)}" if inside else ""
+        raise InputError(
+            f"is a folder without a reconstruction, expected a file with a K{listed}", source=str(path)
+        )
+    if path.suffix.lower() != ".npy":
+        return path.name, _of_any_format(path, which)
+    [calibration] = parsers.read(path, format="k_npy", image_size=(1, 1))
+    matrix = calibration.intrinsics.matrix
+    made = Provenance(kind="matrix-file", source=path.name, assumptions=("the K given is this camera's",))
+
+    def for_frame(size: ImageSize) -> Sequence[Calibration]:
+        K = Intrinsics.from_matrix(matrix, size)
+        return [replace(calibration, intrinsics=K, grade=Grade.CALIBRATED, provenance=made, notes=())]
+
+    return path.name, for_frame
+
+
+def _of_any_format(path: Path, which: str | None) -> Callable[[ImageSize], Sequence[Calibration]]:
+    """The cameras of a file, read again with the size of the images if it states none."""
+
+    def read(size: ImageSize | None) -> Sequence[Calibration]:
+        found = read_file(path, Reading(image_size=size))
+        return found if which is None else [choose(found, which, source=path.name, how=CHOICE)]
+
+    try:
+        found = read(None)
+    except MissingSizeError:
+        return read
+    return lambda _: found
 
 
 def read_candidates(
@@ -288,17 +343,49 @@ def _admitted(held: CheckedFile, K: Calibration) -> CheckedFile:
     return replace(held, verdict=verdict, message=f"{held.message}; its K is unlikely: {found.message}")
 
 
-def contradictions(
-    files: Sequence[CalibrationsOfFile], cameras: Sequence[JudgedCamera], policy: Policy
+def unused(
+    files: Sequence[CalibrationsOfFile],
+    unreadable: Sequence[tuple[str, str]],
+    cameras: Sequence[JudgedCamera],
+    policy: Policy,
 ) -> Iterator[str]:
-    """Sentences on the files in the folders of the images that are wrong for these images."""
-    valid = [camera for camera in cameras if _reference(camera) is not None]
+    """Sentences on the files in the folders of the images that are not used, one for each cause.
+
+    A file that was refused for a camera is in that camera's reason.
+    """
+    causes: dict[str, list[str]] = {}
+    for name, why in unreadable:
+        causes.setdefault(why, []).append(name)
     for candidates in files:
-        if not any(one.grade.is_metric for one in candidates.calibrations):
-            continue  # the initial value of another program's adjustment, such as COLMAP's 1.2 × the longer side
-        for found in check_candidates(candidates, valid, policy) if valid else ():
-            if found.verdict is Rightness.OFF and found.camera is not None:
-                yield f"{found.file}, which is beside the images and is not used, is {found.message}"
+        for why in _why_unused(candidates, cameras, policy):
+            causes.setdefault(why, []).append(candidates.label)
+    for why, names in causes.items():
+        yield f"beside the images, but not used: {first_of(names)}: {why}"
+
+
+def _why_unused(
+    candidates: CalibrationsOfFile, cameras: Sequence[JudgedCamera], policy: Policy
+) -> Iterator[str]:
+    valid = [camera for camera in cameras if _reference(camera) is not None]
+    is_metric = any(one.grade.is_metric for one in candidates.calibrations)
+    # Else the initial value of another program's adjustment, such as COLMAP's 1.2 × the longer side.
+    checked = check_candidates(candidates, valid, policy) if valid and is_metric else []
+    of_valid = [one for one in checked if one.camera is not None]
+    off = [one.message for one in of_valid if one.verdict is Rightness.OFF]
+    sizes = {one.intrinsics.image_size for one in candidates.calibrations}
+    own = [camera for camera in cameras if any(is_resized(size, size_of(camera)) for size in sizes)]
+    is_measured = any(one.grade.is_measured for one in candidates.calibrations)
+    waiting = [camera for camera in cameras if camera.verdict is not Verdict.VALID]
+    if off or not (is_measured or waiting):
+        yield from off
+    elif not own:
+        its = first_of(sorted({"{}×{}".format(*size) for size in sizes}))
+        yield f"it is for {its}, and no camera here has such images"
+    elif any(one.verdict is Rightness.RIGHT for one in of_valid):
+        if is_measured and candidates.states_size and any(one.uncalibrated for one in own):
+            yield "the K of the images is valid without it, but not measured; a registry puts this one in its place"
+    elif not candidates.states_size and any(camera in waiting for camera in own):
+        yield "it states no image size; --fallback-k takes it as that of these images"
 
 
 def _nearest(fitting: Sequence[Calibration], camera: JudgedCamera, policy: Policy) -> Calibration:

@@ -10,14 +10,14 @@ from collections.abc import Callable, Sequence
 from enum import StrEnum
 from pathlib import Path
 from shlex import quote
+from typing import Final
 
 from msgspec import Struct
 
-from calibrary import parsers
 from calibrary.admission import admission
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Provenance
 from calibrary.distortion import NoDistortion
-from calibrary.errors import InputError, MissingSizeError, first_of
+from calibrary.errors import InputError, first_of
 from calibrary.evidence.context import Source
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.evidence.readings import readings
@@ -25,6 +25,7 @@ from calibrary.image_size import is_resized
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.jobs.extract.own import known_of
+from calibrary.jobs.files import choose, is_one_camera
 from calibrary.jobs.survey import CATALOGUE, Claim, Survey, Weighed, Who, of_entry, of_file
 from calibrary.jobs.survey.limits import foreign, model_of
 from calibrary.jobs.survey.words import edited
@@ -37,6 +38,10 @@ from calibrary.validation import Finding, Report, Severity, Verdict
 
 AGAINST_AN_ENTRY = frozenset({"focal-plausibility", "one-calibration"})
 """Rules that compare a K of the images with the entry, if there is one."""
+
+
+CHOICE: Final = "--fallback-camera N"
+"""How a user chooses a camera of the explicit file."""
 
 
 class StepName(StrEnum):
@@ -86,14 +91,12 @@ class Sources(Struct, frozen=True, kw_only=True):
     Attributes:
         matrix: the explicit K: its file name, and a function that gives its cameras for an image size.
         files: calibrations in the folders of the images, with their file names.
-        unreadable: files that look like calibrations, with the reason why they cannot be read.
         knowledge: gives the registry, which is the last step.
         rivals: number of cameras of this run without a K, by image size.
     """
 
     matrix: tuple[str, Callable[[ImageSize], Sequence[Calibration]]] | None
     files: tuple[tuple[str, Calibration], ...] = ()
-    unreadable: tuple[tuple[str, str], ...] = ()
     knowledge: Knowledge
     rivals: dict[ImageSize, int]
 
@@ -119,34 +122,6 @@ class Fallback(Struct, frozen=True, kw_only=True):
     def taken(self) -> Step | None:
         """The step whose K is used; None if there is none."""
         return next((one for one in reversed(self.steps) if one.outcome is StepOutcome.TAKEN), None)
-
-
-def read_given(path: Path) -> tuple[str, Callable[[ImageSize], Sequence[Calibration]]]:
-    """Read an explicit K of any format; one that states no image size is of the images' size.
-
-    Raises:
-        InputError: the file cannot be read, or has no K.
-    """
-    if path.suffix.lower() != ".npy":
-        return path.name, _of_any_format(path)
-    [calibration] = parsers.read(path, format="k_npy", image_size=(1, 1))
-    matrix = calibration.intrinsics.matrix
-    made = Provenance(kind="matrix-file", source=path.name, assumptions=("the K given is this camera's",))
-
-    def for_frame(size: ImageSize) -> Sequence[Calibration]:
-        K = Intrinsics.from_matrix(matrix, size)
-        return [replace(calibration, intrinsics=K, grade=Grade.CALIBRATED, provenance=made, notes=())]
-
-    return path.name, for_frame
-
-
-def _of_any_format(path: Path) -> Callable[[ImageSize], Sequence[Calibration]]:
-    """The cameras of a file, read again with the size of the images if it states none."""
-    try:
-        found = parsers.read(path)
-    except MissingSizeError:
-        return lambda size: parsers.read(path, image_size=size)
-    return lambda _: found
 
 
 def seed(key: CameraKey, size: ImageSize, known: tuple[float, str] | None = None) -> Calibration:
@@ -246,15 +221,17 @@ def _explicit(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
     except InputError as error:
         return _without(name, StepOutcome.REFUSED, error.message, source)
     fitting = [one for one in found if fits(one, size)]
-    if len(fitting) != 1:
+    own = [one for one in fitting if foreign(one, camera.key) is None]
+    if not own:
         sizes = first_of(sorted({"{}×{}".format(*one.intrinsics.image_size) for one in found}))
-        why = f"it is for {sizes}, and these images are {size[0]}×{size[1]}"
-        if fitting:
-            why = f"{len(fitting)} of its cameras are of the size of these images; give a file with one"
+        other = foreign(fitting[0], camera.key) if fitting else None
+        why = other or f"it is for {sizes}, and these images are {size[0]}×{size[1]}"
         return _without(name, StepOutcome.REFUSED, why, source)
-    if (other := foreign(fitting[0], camera.key)) is not None:
-        return _without(name, StepOutcome.REFUSED, other, source)
-    calibration = replace(fitting[0], camera=camera.key)
+    try:
+        chosen = own[0] if is_one_camera(own) else choose(found, None, source=source, how=CHOICE)
+    except InputError as error:
+        return _without(name, StepOutcome.REFUSED, f"it {error.message}", source)
+    calibration = replace(chosen, camera=camera.key)
     return _judged(camera, of_file(source, calibration), policy, name, camera.doubt(calibration))
 
 
@@ -267,20 +244,16 @@ def _from_files(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
         why = foreign(other, camera.key) or ""
         return _without(name, StepOutcome.REFUSED, why, source)
     if not fitting:
-        why = "no calibration file for this image size is beside the images"
-        if sources.unreadable:
-            why += f" ({sources.unreadable[0][0]}: {sources.unreadable[0][1]})"
-        elif sources.files:
-            sizes = sorted({"{}×{}".format(*c.intrinsics.image_size) for _, c in sources.files})
-            why += f" (found for {first_of(sizes)})"
-        return _without(name, StepOutcome.NOT_THERE, why)
-    # A file that an earlier run wrote for a solver says so; it is not a new measurement of this camera.
+        return _without(
+            name, StepOutcome.NOT_THERE, "no calibration file for this image size is beside the images"
+        )
+    # A file that an earlier run wrote for a solver is no new measurement of this camera.
     measured = [(source, c) for source, c in fitting if c.grade.is_measured]
     if not measured:
         source, calibration = fitting[0]
         why = (
-            f"its K is {calibration.grade}, written by an earlier run, and not measured; "
-            "provide a measured calibration"
+            f"its K is {calibration.grade}, and not measured; --fallback-k takes it if it is known to be of these "
+            "images"
         )
         return _without(name, StepOutcome.REFUSED, why, source)
     # Of two sizes, what was measured at that of changed images has no rival in what cannot be shown to be of them.
@@ -289,8 +262,8 @@ def _from_files(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
     different = len({(c.intrinsics, c.distortion) for _, c in measured})
     if different > 1:
         files = first_of(dict.fromkeys(source for source, _ in measured))
-        why = f"{different} different calibrations fit images of this size: {files}; keep one"
-        return _without(name, StepOutcome.REFUSED, why)
+        why = f"{different} different calibrations fit images of this size; keep one"
+        return _without(name, StepOutcome.REFUSED, why, files)
     model = model_of(calibration)
     if sources.rivals.get(size, 0) > 1 and (model is None or camera.key.model is None):
         whose = "the file does not state its camera" if model is None else "these images do not state theirs"

@@ -18,9 +18,10 @@ from calibrary.evidence.metadata import ImageMetadata, TagFault, as_float
 from calibrary.evidence.originality import Pixels
 from calibrary.extras import SFM, require
 from calibrary.jobs.extract.calibration_files import (
-    contradictions,
     may_be_calibration,
     read_calibration_files,
+    read_given,
+    unused,
 )
 from calibrary.jobs.extract.cameras import (
     DEFAULT_SENSOR_MM,
@@ -38,7 +39,6 @@ from calibrary.jobs.extract.fallback import (
     moved,
     outranking,
     proposed_against,
-    read_given,
 )
 from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
@@ -121,6 +121,7 @@ def run(  # noqa: PLR0913, D417  as many and the same as the job has
     registry: Sequence[Place] | Place | None = None,
     lock: Path | None = None,
     fallback_k: Path | None = None,
+    fallback_camera: str | None = None,
     strict: bool = False,
     verify: bool | Literal["unproven"] = False,
     list_images: bool = False,
@@ -138,7 +139,7 @@ def run(  # noqa: PLR0913, D417  as many and the same as the job has
     if verify:
         require(SFM, "comparing K with the pixels")
     knowledge = Knowledge.load(registry, lock)
-    matrix = read_given(fallback_k) if fallback_k is not None else None
+    matrix = read_given(fallback_k, fallback_camera) if fallback_k is not None else None
     listing = Listing(images, recursive=recursive, lines=lines, keep=may_be_calibration)
     if listing.known == 0:
         # All of a bucket's prefix and of an archive is gone through in any case.
@@ -218,7 +219,6 @@ def judge_images(reading: Reading, listing: Listing, by: Judging) -> ExtractRepo
     sources = Sources(
         matrix=by.matrix,
         files=tuple((one.label, K) for one in files if one.states_size for K in one.calibrations),
-        unreadable=tuple(unreadable),
         knowledge=by.knowledge,
         rivals=_rivals(cameras),
     )
@@ -242,7 +242,7 @@ def judge_images(reading: Reading, listing: Listing, by: Judging) -> ExtractRepo
             *by.knowledge.warnings,
             *_of_layers(by.knowledge, states),
             *_unread(images.states),
-            *contradictions(files, reports, by.policy),
+            *unused(files, unreadable, reports, by.policy),
             *_proposed(reports, by.policy),
         ),
         exit_code=3 if reading.lost else 0 if is_good else 1,

@@ -35,6 +35,7 @@ __all__ = [
     "choose",
     "chosen",
     "file_of",
+    "is_one_camera",
     "read",
     "read_all",
     "read_arguments",
@@ -501,11 +502,11 @@ def _read(
         return Argument(label=text, calibration=noted(entry))
     calibrations = read_file(path, replace(reading, image_size=image_size))
     is_only = len(calibrations) == 1 and is_for_several
-    number = 1 if is_only or (reading.camera is None and _is_one_camera(calibrations)) else reading.camera
+    number = 1 if is_only or (reading.camera is None and is_one_camera(calibrations)) else reading.camera
     return Argument(label=text, calibration=choose(calibrations, number, source=text))
 
 
-def _is_one_camera(calibrations: Sequence[Calibration]) -> bool:
+def is_one_camera(calibrations: Sequence[Calibration]) -> bool:
     """Whether all have equal K and distortion, because some programs list a camera under several names."""
     first = calibrations[0]
     return all(
