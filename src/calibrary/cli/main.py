@@ -99,6 +99,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return EXIT_USAGE
     try:
         arguments = parser.parse_args(given)
+        arguments.given = given
         with _logging(arguments.verbose):
             code: int = arguments.run(arguments)
             sys.stdout.flush()

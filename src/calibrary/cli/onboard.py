@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 import sys
 from typing import TYPE_CHECKING, Final
 
@@ -12,6 +13,7 @@ from calibrary.cli.progress import Bar
 from calibrary.cli.registry import where
 from calibrary.cli.registry.changes import add_yes_flag, agreed, can_ask, screen_of_change
 from calibrary.cli.tables import Column, fitted
+from calibrary.errors import UsageError
 from calibrary.jobs.onboard import onboard
 
 if TYPE_CHECKING:
@@ -98,7 +100,13 @@ def run(arguments: argparse.Namespace) -> int:
 
     with Bar(note(arguments), "looking at") as bar:
         asked = answer if can_ask() and not arguments.yes else None
-        done = call(onboard, arguments, ask=asked, write=is_wanted, progress=bar)
+        try:
+            done = call(onboard, arguments, ask=asked, write=is_wanted, progress=bar)
+        except UsageError as error:
+            if error.place is None:
+                raise
+            command = f"calibrary {shlex.join(arguments.given)} {error.place}"
+            raise UsageError(f"{error.message} Only a person knows that; say it: {command}") from None
     _show_written(screen, done, where(arguments))
     is_other = bool(done.drafts) and not done.is_as_seen(arguments.digest)
     if is_other:
@@ -207,7 +215,12 @@ def _show_written(screen: Screen, done: OnboardReport, of_registry: str) -> None
         if entry is not None:
             _say(screen, f"look at it: calibrary registry show {entry.id}@{of}{of_registry}")
     for branch in done.branches:
-        _say(screen, f"then: calibrary registry approve --from {branch}{of_registry}")
+        digests = "".join(
+            f" --digest {entry.digest[:12]}"
+            for entry, of in drafts
+            if of == branch and entry and entry.digest
+        )
+        _say(screen, f"then: calibrary registry approve --from {branch}{of_registry}{digests}")
     if done.drafts and not done.branches:
         _say(screen, f"nothing was written into the registry; --digest {done.digest[:12]} writes this")
     elif not done.is_good and len(done.cameras) > 1:

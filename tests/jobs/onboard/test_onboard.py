@@ -5,6 +5,8 @@ from __future__ import annotations
 import io
 import json
 import re
+import shlex
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +14,12 @@ import pytest
 
 from calibrary.calibration import Grade
 from calibrary.cli.main import main
-from calibrary.errors import UsageError
+from calibrary.errors import InputError, UsageError
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.convert import convert
 from calibrary.jobs.onboard import onboard as job
 from calibrary.jobs.onboard.page import ROLES
-from calibrary.jobs.onboard.payload import _frames
+from calibrary.jobs.onboard.payload import Payload, with_frames
 from calibrary.jobs.onboard.report import Agreement, Decision, OnboardReport
 from calibrary.parsers.files import sha256_of
 from calibrary.registry.entry import Entry, Status
@@ -257,6 +259,38 @@ def test_any_name_of_a_model_makes_a_branch(fleet: Path, tmp_path: Path, model: 
     assert written in branches(fleet)
 
 
+@pytest.mark.usefixtures("fleet")
+def test_all_that_is_missing_is_asked_in_one_message_with_the_whole_command(
+    payload: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("calibrary.jobs.onboard.payload._has_board", lambda *_: True)
+    flight = payload / "flight/100_0001"
+    shutil.copy(flight / "IMG_0000.jpg", flight / "IMG_0002.jpg")
+    monkeypatch.setattr("calibrary.jobs.onboard.run.observe", lambda *_, **__: pytest.fail("computed"))
+    code, _, err = onboard(capsys, payload, "--label", "P4R 03", "--yes")
+    assert code == 2
+    assert "3 images show a calibration board: the side of its squares in mm?" in err
+    assert re.search(r"say it: calibrary onboard .* --label 'P4R 03' --yes --square-mm MM --for unit\n$", err)
+
+
+@pytest.mark.usefixtures("fleet")
+def test_a_name_of_no_camera_is_told_before_images_are_searched_for_a_board(
+    payload: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("calibrary.jobs.onboard.run.with_frames", lambda *_, **__: pytest.fail("searched"))
+    with pytest.raises(InputError, match="no camera in it is called 'M3T'"):
+        job(payload, only="M3T")
+
+
+@pytest.mark.usefixtures("fleet")
+def test_what_is_proposed_is_approved_by_the_line_that_was_printed(
+    payload: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, out, _ = onboard(capsys, payload, "--yes", "--for", "unit")
+    [line] = [line for line in out.splitlines() if line.startswith("then: ")]
+    assert main(shlex.split(line.removeprefix("then: calibrary "))) == 0
+
+
 def test_of_a_set_of_which_half_shows_a_board_every_frame_counts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -264,7 +298,9 @@ def test_of_a_set_of_which_half_shows_a_board_every_frame_counts(
         "calibrary.jobs.onboard.payload._has_board", lambda path, _: path.name in {"1.jpg", "3.jpg", "5.jpg"}
     )
     names = tuple(f"{number}.jpg" for number in range(6))
-    assert _frames({ImageMetadata(size=(640, 480)): names}, tmp_path, None, None) == {*names}
+    states = {ImageMetadata(size=(640, 480)): names}
+    found = Payload(folder=tmp_path, states=states, frames=frozenset(), files=(), others=())
+    assert with_frames(found).frames == {*names}
 
 
 def test_sources_that_disagree_with_nothing_to_decide_are_refused(
@@ -397,7 +433,7 @@ def test_a_program_says_what_only_a_person_knows_and_whether_to_write(
         seen.append(report)
         return False
 
-    with pytest.raises(UsageError, match="--for unit or --for model"):
+    with pytest.raises(UsageError, match=r"--for unit: .*or every one's of its model"):
         job(payload, html=page)
     done = job(payload, ask=lambda *_: "Unit", write=refused, html=page)
     assert (done.is_good, done.branches, branches(fleet)) == (True, {}, ["main"])
@@ -410,7 +446,7 @@ def test_a_program_says_what_only_a_person_knows_and_whether_to_write(
     assert done.branches == {BRANCH: git(fleet, "rev-parse", BRANCH)}
     assert (done.cameras[0].branch, done.page) == (BRANCH, "page.html")
     assert done.cameras[0].decision is Decision.PROPOSED
-    assert (done.cameras[0].next or "").endswith(f"--from {BRANCH}")
+    assert f" --from {BRANCH} --digest " in (done.cameras[0].next or "")
     assert "draft proposed" in page.read_text()
     assert "a new lens" in git(fleet, "log", "-1", "--format=%B", BRANCH)
 

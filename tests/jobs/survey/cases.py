@@ -297,7 +297,7 @@ def _resolve(one: Folder, found: Answers) -> None:
 def _onboard(one: Folder, found: Answers) -> None:
     if not one.case.family.key:
         return
-    done, _ = Onboarding(
+    done = Onboarding(
         folder=one.images,
         registry=Registry.open(one.registry or one.empty),
         camera=CameraKey(),

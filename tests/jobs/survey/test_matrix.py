@@ -188,7 +188,7 @@ def test_onboard_proposes_the_k_that_was_measured_on_the_new_frame(
     put(
         Registry.open(fleet).repo, {before.relative_to(tmp_path / "registry").as_posix(): before.read_bytes()}
     )
-    done, _ = Onboarding(
+    done = Onboarding(
         folder=one.image.parent,
         registry=Registry.open(fleet),
         camera=CameraKey(),

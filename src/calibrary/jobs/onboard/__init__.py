@@ -100,7 +100,7 @@ def onboard(
     if board is not None and square_mm is None:
         raise UsageError("--board goes with --square-mm MM, the side of its squares")
     place, target = check_page_place(html), Fleet.named(registry).registry
-    done, cameras = Onboarding(
+    done = Onboarding(
         folder=Path(folder),
         registry=target,
         camera=camera or CameraKey(),
@@ -119,10 +119,6 @@ def onboard(
     done = replace(done, page=place.name)
     write_page(place, onboard_page(done))
     is_wanted = write(done) if callable(write) else write or digest is not None
-    if not done.cameras and cameras.nameless:
-        raise UsageError(
-            "nothing in it names make and model, by which an entry is found; say --make NAME --model NAME"
-        )
     if not is_wanted or not done.drafts or not done.is_as_seen(digest):
         return done
     done = write_drafts(done, target, reason)

@@ -64,20 +64,12 @@ class Payload(Struct, frozen=True, kw_only=True):
         return sum(len(names) for names in self.states.values())
 
 
-def classify_payload(
-    folder: Path,
-    *,
-    board: Board | None = None,
-    workers: int = 0,
-    progress: Callable[[int, int], None] | None = None,
-) -> Payload:
-    """Classify all files in a folder and its sub-folders.
+def classify_payload(folder: Path, *, workers: int = 0) -> Payload:
+    """Classify all files in a folder and its sub-folders; none counts as a frame of a board yet.
 
     Args:
         folder: files that came with the payload.
-        board: the board, if known.
         workers: processes that read images; 0 for automatic.
-        progress: called with the number of files examined and the total.
 
     Raises:
         InputError: it is not a folder, cannot be read, or contains far too many files.
@@ -104,7 +96,7 @@ def classify_payload(
     return Payload(
         folder=folder,
         states=states,
-        frames=_frames(states, folder, board, progress),
+        frames=frozenset(),
         files=tuple(files),
         others=tuple(sorted(others, key=lambda one: one.name)),
     )
@@ -136,20 +128,26 @@ def _calibrations(paths: Sequence[Path], folder: Path) -> tuple[list[tuple[Path,
     return files, others
 
 
-def _frames(
-    states: Mapping[ImageMetadata, tuple[str, ...]],
-    folder: Path,
-    board: Board | None,
-    progress: Callable[[int, int], None] | None,
-) -> frozenset[str]:
-    """Names of the images that show a board.
+def with_frames(
+    payload: Payload,
+    *,
+    board: Board | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Payload:
+    """The payload with the images that show a board, for which some of them are looked at.
 
     Frames of a board come in sets: a few images of each camera and folder are searched, and if half of them
     show a board, the whole set counts, including blurred and cropped frames, which the search at full
     resolution rejects.
+
+    Args:
+        payload: the classified files.
+        board: the board, if known.
+        progress: called with the number of images searched and the total.
     """
+    folder = payload.folder
     groups: dict[tuple[ImageMetadata, str], list[str]] = {}
-    for metadata, alike in states.items():
+    for metadata, alike in payload.states.items():
         for name in alike:
             groups.setdefault((metadata, name.rpartition("/")[0]), []).append(name)
     groups = {key: names for key, names in groups.items() if len(names) >= FEWEST_FRAMES}
@@ -172,7 +170,7 @@ def _frames(
         elif len(seen) > 1 or (seen and len(names) > len(tried)):
             more = [name for name in names if name not in tried and _has_board(folder / name, board)]
             found |= {*seen, *more} if len(seen) + len(more) >= FEWEST_FRAMES else set()
-    return frozenset(found)
+    return replace(payload, frames=frozenset(found))
 
 
 def _spread(names: Sequence[str]) -> Iterator[str]:

@@ -177,6 +177,7 @@ class ProposedEntry(Record):
         status: proposed status.
         status_before: present status in the registry; None for a new entry.
         calibration: its K.
+        digest: of its file, for ``registry approve --digest``; None until it is written.
         entry: the entry itself.
     """
 
@@ -187,6 +188,7 @@ class ProposedEntry(Record):
     status: Status
     status_before: Status | None
     calibration: Calibration
+    digest: ObjectId | None = None
     entry: Entry | None = None
 
     @classmethod

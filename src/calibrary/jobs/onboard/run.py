@@ -21,7 +21,7 @@ from calibrary.calib.result import CalibrationResult
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.catalogue import overlay
-from calibrary.errors import CalibraryError, CalibrationError, InputError, RegistryError, UsageError
+from calibrary.errors import CalibraryError, CalibrationError, InputError, RegistryError, UsageError, first_of
 from calibrary.extras import SFM
 from calibrary.jobs.calibrate.frames import describe_frames
 from calibrary.jobs.calibrate.report import Asked
@@ -47,6 +47,7 @@ from calibrary.jobs.onboard.payload import (
     classify_payload,
     find_cameras,
     used_files,
+    with_frames,
 )
 from calibrary.jobs.onboard.report import (
     Agreement,
@@ -70,6 +71,9 @@ from calibrary.registry.resolution import Resolution
 from calibrary.sfm.pixel_judging import FEWEST_IMAGES
 
 BRANCHES: Final = "onboard/"
+SQUARE: Final = "--square-mm MM"
+FOR: Final = "--for unit"
+NAMELESS: Final = "nothing in it names make and model, by which an entry is found."
 SECONDS_AN_IMAGE: Final = 7
 """Duration per image from features to adjustment, on two cores (docs/flight.md)."""
 
@@ -112,41 +116,38 @@ class Onboarding(Struct, frozen=True, kw_only=True):
         """Policy of the registry."""
         return self.registry.configuration.policy
 
-    def run(self, only: str | None) -> tuple[OnboardReport, PayloadCameras]:
+    def run(self, only: str | None) -> OnboardReport:
         """Decide on every camera; writes nothing.
 
         Args:
             only: part of the name of the cameras to onboard; None for all.
 
         Returns:
-            The result without page and branches; and the cameras of the folder.
+            The result without page and branches.
 
         Raises:
             InputError: the folder cannot be read, or contains nothing about a camera.
             UsageError: an answer of the user is needed.
             RegistryError: the registry cannot be read.
         """
-        payload = classify_payload(
-            self.folder,
-            board=self.board,
-            workers=self.workers,
-            progress=labelled(self.progress, "files"),
-        )
+        payload = classify_payload(self.folder, workers=self.workers)
         if not payload.states and not payload.files:
             raise InputError(
                 "contains neither an image nor a calibration file; give the folder of what came with the payload",
                 source=str(self.folder),
             )
         said = overlay(self.camera)
+        # Before the images are searched for a board, which takes long.
+        self._chosen(find_cameras(payload, self.policy, said, image_size=self.camera.image_size), only)
+        payload = with_frames(payload, board=self.board, progress=labelled(self.progress, "files"))
         cameras = find_cameras(payload, self.policy, said, image_size=self.camera.image_size)
-        chosen = [one for one in cameras.found if only is None or only.casefold() in str(one.key).casefold()]
-        if cameras.found and not chosen:
-            names = "; ".join(str(one.key) for one in cameras.found)
-            raise InputError(f"no camera in it is called {only!r:.60}: {names}", source=str(self.folder))
         # A payload is one unit, so a stated serial number applies to all its cameras.
-        chosen = [replace(one, key=replace(one.key, serial=said(one.key).serial)) for one in chosen]
-        square_mm = self._square_mm(sum(len(one.frames) for one in chosen))
-        decided = tuple(self._decided(one, payload, square_mm) for one in chosen)
+        chosen = [
+            replace(one, key=replace(one.key, serial=said(one.key).serial))
+            for one in self._chosen(cameras, only)
+        ]
+        known = self._asked(chosen, payload, is_nameless=bool(cameras.nameless) and not cameras.found)
+        decided = tuple(known._decided(one, payload) for one in chosen)
         skipped = {one.name for one in cameras.skipped}
         is_good = bool(decided) and all(one.decision is not Decision.REFUSED for one in decided)
         if not is_good:
@@ -167,7 +168,7 @@ class Onboarding(Struct, frozen=True, kw_only=True):
             cameras=decided,
             branches={},
             page=None,
-        ), cameras
+        )
 
     def _waiting(self, one: CameraDecision) -> CameraDecision:
         """Decision on an acceptable camera that is not written because another camera was refused."""
@@ -175,40 +176,51 @@ class Onboarding(Struct, frozen=True, kw_only=True):
             return one
         return replace(one, next=f"to take it alone: calibrary onboard {self.folder} --only '{one.camera}'")
 
-    def _square_mm(self, frames: int) -> float:
-        """Side of the board's square in mm, asked once for all cameras; 0 if no camera has frames of a board."""
-        if self.square_mm is not None or not frames:
-            return self.square_mm or 0.0
-        shown = f"{frames} {'image shows' if frames == 1 else 'images show'} a calibration board"
-        text = self._answer(f"{shown}: the side of its squares in mm?", "--square-mm MM")
-        try:
-            side = float(text)
-        except ValueError:
-            side = math.nan
-        if not 0.01 <= side <= 10_000:
-            raise UsageError(f"--square-mm: {text!r:.20}, expected a number from 0.01 to 10000")
-        return side
+    def _chosen(self, cameras: PayloadCameras, only: str | None) -> list[PayloadCamera]:
+        chosen = [one for one in cameras.found if only is None or only.casefold() in str(one.key).casefold()]
+        if cameras.found and not chosen:
+            names = "; ".join(str(one.key) for one in cameras.found)
+            raise InputError(f"no camera in it is called {only!r:.60}: {names}", source=str(self.folder))
+        return chosen
 
-    def _serves(self, camera: PayloadCamera, chosen: Estimate) -> Serves:
-        """Cameras that the entry applies to: nominal numbers to all units; for a measured K the user decides."""
-        if chosen.grade is None or not chosen.grade.is_measured or camera.key.serial is None:
-            return Serves.MODEL
-        if self.serves is not None:
-            return self.serves
-        whose = f"{camera.key}, unit {camera.key.serial[:8]}, was measured"
-        question = f"{whose}: is its K this unit's only, or every one's of its model? [unit/model]"
-        text = self._answer(question, "--for unit or --for model").lower()
-        if text not in set(Serves):
-            raise UsageError(f"--for: {text!r:.20}, expected unit or model")
-        return Serves(text)
+    def _asked(self, chosen: Sequence[PayloadCamera], payload: Payload, *, is_nameless: bool) -> Onboarding:
+        """It with all answers that only a person knows.
 
-    def _answer(self, question: str, flags: str) -> str:
-        if self.ask is None:
-            raise UsageError(f"{question} There is no terminal to ask on; say {flags}")
-        return self.ask(question, flags)
+        Raises:
+            UsageError: nobody can be asked; its place has the flags of all that is missing.
+        """
+        frames = len(payload.frames) if is_nameless else sum(len(one.frames) for one in chosen)
+        measured = [one for one in chosen if self.serves is None and self._may_be_of_unit(one, payload)]
+        questions = {}
+        if is_nameless:
+            questions["--make NAME --model NAME"] = NAMELESS
+        if frames and self.square_mm is None:
+            shown = f"{frames} {'image shows' if frames == 1 else 'images show'} a calibration board"
+            questions[SQUARE] = f"{shown}: the side of its squares in mm?"
+        if measured:
+            units = first_of(f"{one.key}, unit {(one.key.serial or '')[:8]}" for one in measured)
+            whose = "this unit's only (--for unit), or every one's of its model (--for model)"
+            questions[FOR] = f"{units}: is a measured K {whose}? [unit/model]"
+        if questions and (self.ask is None or is_nameless):
+            raise UsageError(" ".join(questions.values()), place=" ".join(questions))
+        answers = {flag: self.ask(text, flag) for flag, text in questions.items()} if self.ask else {}
+        return replace(
+            self,
+            square_mm=_side(answers[SQUARE]) if SQUARE in answers else self.square_mm,
+            serves=_serves(answers[FOR]) if FOR in answers else self.serves,
+        )
 
-    def _decided(self, camera: PayloadCamera, payload: Payload, square_mm: float) -> CameraDecision:
-        board = self._board(camera, square_mm) if camera.frames else None
+    def _may_be_of_unit(self, camera: PayloadCamera, payload: Payload) -> bool:
+        """Whether a K that was measured on a unit may come of it."""
+        if camera.key.serial is None or camera.frames or (self.flight and _flight_of(camera, payload)):
+            return camera.key.serial is not None
+        survey, found = estimates(camera, None, None, self._current(camera), self.policy)
+        found, dispute = compare_estimates(survey, found, self.trusted)
+        chosen = chosen_of(found) if dispute is None else None
+        return chosen is not None and chosen.grade is not None and chosen.grade.is_measured
+
+    def _decided(self, camera: PayloadCamera, payload: Payload) -> CameraDecision:
+        board = self._board(camera) if camera.frames else None
         images = _flight_of(camera, payload)
         flight = self._flight(camera, images) if images and self.flight else None
         survey, found = estimates(camera, board, flight, self._current(camera), self.policy)
@@ -255,7 +267,9 @@ class Onboarding(Struct, frozen=True, kw_only=True):
         if self.serves is Serves.UNIT and is_measured and camera.key.serial is None:
             reason = "it is measured on one unit, and nothing in it states the serial number by which a unit is found"
             return replace(so_far, reason=reason, next="state it: --serial NUMBER, or --for model")
-        serves = self._serves(camera, chosen)
+        # Nominal numbers are every unit's.
+        is_unit = is_measured and camera.key.serial is not None and self.serves is Serves.UNIT
+        serves = Serves.UNIT if is_unit else Serves.MODEL
         ordered = [chosen, *(one for one in so_far.estimates if one is not chosen)]
         try:
             entry = entry_for(
@@ -302,13 +316,13 @@ class Onboarding(Struct, frozen=True, kw_only=True):
         reason = _why(chosen, ordered[1:], result, nominal=nominal)
         return replace(done, decision=Decision.READY, reason=reason, branch=branch)
 
-    def _board(self, camera: PayloadCamera, square_mm: float) -> ImageSolve:
+    def _board(self, camera: PayloadCamera) -> ImageSolve:
         """Calibrate the camera from its frames of a board."""
         frames = camera.frames
         try:
             metadata = describe_frames(frames, _said_of(camera))
             advance = counted(self.progress, len(frames), "frames")
-            board = self.board or square_mm
+            board = self.board or self.square_mm or 0.0
             seen = observe(frames, metadata, board, workers=self.workers, progress=advance)
             told = self.stated if seen.observations.taken is None else replace(self.stated, date=None)
             result = solved(seen, Asked(), Told(stated=Stated(date=told.date, operator=told.operator)))
@@ -345,6 +359,22 @@ class Onboarding(Struct, frozen=True, kw_only=True):
         return found.entry if found is not None else None
 
 
+def _side(text: str) -> float:
+    try:
+        side = float(text)
+    except ValueError:
+        side = math.nan
+    if not 0.01 <= side <= 10_000:
+        raise UsageError(f"--square-mm: {text!r:.20}, expected a number from 0.01 to 10000")
+    return side
+
+
+def _serves(text: str) -> Serves:
+    if text.lower() not in set(Serves):
+        raise UsageError(f"--for: {text!r:.20}, expected unit or model")
+    return Serves(text.lower())
+
+
 def branch_of(camera: CameraKey) -> str:
     """Name of the branch on which drafts of a model wait for approval."""
     # The ~ of a slug is no letter of a branch name; no slug contains +.
@@ -365,26 +395,32 @@ def write_drafts(done: OnboardReport, registry: Registry, reason: str | None) ->
         RegistryError: the registry cannot be written.
     """
     branches: dict[str, str] = {}
+    digests: dict[str, str | None] = {}
     warnings: list[str] = []
     for branch in sorted({branch_of(entry.calibration.camera) for entry in done.drafts}):
         entries = [entry for entry in done.drafts if branch_of(entry.calibration.camera) == branch]
         named = entries[0].id if len(entries) == 1 else f"{len(entries)} cameras"
         note = note_of(f"Propose {named}, taken on board", entries, reason)
         note = replace(note, sources=_with_sources(note.sources, done, {entry.id for entry in entries}))
-        written = save(registry, propose(registry.branch(branch), entries), Terms(branch=branch), note=note)
+        proposals = propose(registry.branch(branch), entries)
+        written = save(registry, proposals, Terms(branch=branch), note=note)
+        digests |= {item.entry.id: item.digest for item in proposals.items}
         branches[branch] = written.commit
         warnings += written.warnings
     cameras = tuple(
-        replace(
-            one,
-            decision=Decision.PROPOSED,
-            next=f"calibrary registry approve {one.entry.id} --from {one.branch}",
-        )
-        if one.branch in branches and one.entry is not None
-        else one
+        _written(one, digests[one.entry.id]) if one.branch in branches and one.entry is not None else one
         for one in done.cameras
     )
     return replace(done, cameras=cameras, branches=branches, warnings=tuple(warnings))
+
+
+def _written(one: CameraDecision, digest: str | None) -> CameraDecision:
+    """Decision on a camera whose draft was written, with the command that approves it."""
+    assert one.entry is not None  # noqa: S101  it was written
+    approving = (
+        f"calibrary registry approve {one.entry.id} --from {one.branch} --digest {(digest or '')[:12]}"
+    )
+    return replace(one, decision=Decision.PROPOSED, entry=replace(one.entry, digest=digest), next=approving)
 
 
 def _with_sources(
