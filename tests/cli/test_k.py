@@ -26,6 +26,8 @@ def test_a_file_gives_its_nine_numbers_and_what_they_are(
     assert np.load(tmp_path / "K.npy").tolist() == [
         [float(x) for x in row.split()] for row in NINE.splitlines()
     ]
+    # Whoever reads it next has to know whose origin it counts from.
+    assert run(capsys, "k", tmp_path / "K.npy", "--image-size", "5472x3648")[1] == NINE
 
 
 def test_an_image_gives_the_k_that_extract_judges_valid(

@@ -13,7 +13,7 @@ import pytest
 
 from calibrary.calibration import Calibration
 from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata, XmpProperty
-from calibrary.jobs.export.opensfm_names import odm_name, odm_names
+from calibrary.jobs.export.opensfm_names import odm_name, odm_names, opensfm_names
 from calibrary.jobs.extract.hand_off import HandOff, hand_off
 from calibrary.jobs.extract.targets import Candidate
 from calibrary.jobs.use import Use
@@ -37,6 +37,38 @@ NAMES = (
     ("GoPro", "HERO6 Black", (8, 8), 15.0, None, "gopro hero6 black 8 8 brown 0.4166"),
     (None, None, (16, 16), None, None, "  16 16 brown 0.85"),
 )
+
+OPENSFM = (
+    ("DJI", "FC6310R", (5472, 3648), 8.8, 24.0, "dji fc6310r 5472 3648 perspective 0.6666"),
+    ("DJI", "FC300S", (4000, 2250), 3.61, None, "dji fc300s 4000 2250 perspective 0.5860"),
+    ("DJI", "XT2", (640, 512), 19.0, None, "dji xt2 640 512 perspective 1.7463"),
+    ("DJI", "ZenmuseP1", (8192, 5460), 35.0, None, "dji zenmusep1 8192 5460 perspective 0.9749"),
+    ("GoPro", "HERO4 Black", (4000, 3000), 2.77, None, "gopro hero4 black 4000 3000 perspective 0.4489"),
+    (
+        "senseFly",
+        "senseFly S.O.D.A.",
+        (5472, 3648),
+        10.6,
+        29.0,
+        "sensefly s.o.d.a. 5472 3648 perspective 0.8055",
+    ),
+    ("Parrot", "Sequoia", (1280, 960), 3.98, None, "parrot sequoia 1280 960 perspective 0.0"),
+    (None, None, (16, 16), None, None, "unknown unknown 16 16 perspective 0.0"),
+)
+"""What ``compute_focal`` and ``camera_id_`` of OpenSfM at 238744cd (opensfm/exif.py) answered."""
+
+
+@pytest.mark.parametrize(("make", "model", "size", "focal", "mm", "name"), OPENSFM)
+def test_a_camera_has_the_name_that_opensfm_gives_it(
+    make: str | None,
+    model: str | None,
+    size: tuple[int, int],
+    focal: float | None,
+    mm: float | None,
+    name: str,
+) -> None:
+    metadata = ImageMetadata(size=size, make=make, model=model, focal_mm=focal, focal_35mm=mm)
+    assert name in opensfm_names([metadata])
 
 
 def band(

@@ -27,6 +27,27 @@ ODM_UNKNOWN: Final = 0.85
 """ODM's default for focal length ÷ width if EXIF states none."""
 FILM_MM: Final = 36.0
 DIAGONAL_MM: Final = math.hypot(36.0, 24.0)
+SENSOR_MM: Final = {
+    "dji fc2103": 6.07,
+    "dji fc220": 6.17,
+    "dji fc300c": 6.31,
+    "dji fc300s": 6.16,
+    "dji fc300x": 6.2,
+    "dji fc330": 6.25,
+    "dji fc350": 6.17,
+    "dji fc350z": 6.17,
+    "dji fc6310": 13.2,
+    "dji fc6540": 23.5,
+    "dji phantom vision fc200": 6.17,
+    "dji xt2": 10.88,
+    "dji zenmusep1": 35.9,
+    "dji zh20t": 7.68,
+    "gopro hero4 black": 6.17,
+    "gopro hero4 silver": 6.17,
+    "hasselblad l2d-20c": 17.5,
+    "yuneec e90": 13.2,
+}
+"""Sensor widths of UAV cameras in OpenSfM's table (opensfm/data/sensor_data.json), which ODM uses as well."""
 ROUNDING: Final = 0.06
 """Largest relative error of FocalLengthIn35mmFilm in the catalogue: 24 instead of 25.3."""
 
@@ -117,10 +138,10 @@ def _opensfm_priors(metadata: ImageMetadata, size: ImageSize) -> set[float]:
     """OpenSfM's possible priors of focal length ÷ width; 0 if EXIF gives none.
 
     FocalLengthIn35mmFilm ÷ 36 mm, in newer releases ÷ 34 mm unless the aspect ratio is 3:2 or longer; else
-    FocalLength ÷ width of the focal plane. Sensor sizes from OpenSfM's own table are not available here.
+    FocalLength ÷ width of the focal plane, else ÷ that of the camera's sensor in its table.
     """
     if metadata.focal_35mm is None:
-        return {_over_focal_plane(metadata, size) or 0.0}
+        return {_over_sensor(metadata, size) or 0.0}
     guesses = {metadata.focal_35mm / FILM_MM}
     aspect = max(size) / min(size)
     if abs(aspect - 4 / 3) <= abs(aspect - 3 / 2):
@@ -133,12 +154,16 @@ def _odm_name(stated: ImageMetadata, projection: str) -> str:
     if metadata.focal_35mm is not None:
         prior = metadata.focal_35mm / FILM_MM
     else:
-        prior = _over_focal_plane(metadata, metadata.size) or ODM_UNKNOWN
+        prior = _over_sensor(metadata, metadata.size) or ODM_UNKNOWN
     return _name(metadata.make or "", metadata.model or "", metadata.size, projection, prior)
 
 
-def _over_focal_plane(metadata: ImageMetadata, size: ImageSize) -> float | None:
+def _over_sensor(metadata: ImageMetadata, size: ImageSize) -> float | None:
     resolution, unit = metadata.focal_plane_resolution, metadata.focal_plane_unit
-    if metadata.focal_mm is None or resolution is None or unit is None:
+    if metadata.focal_mm is None:
         return None
+    if resolution is None or unit is None:
+        make = metadata.make or ""
+        width = SENSOR_MM.get(f"{make} {(metadata.model or '').replace(make, '').strip()}".lower())
+        return metadata.focal_mm / width if width is not None else None
     return metadata.focal_mm / (size[0] / resolution[0] * unit.millimetres)

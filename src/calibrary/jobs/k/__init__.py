@@ -39,8 +39,10 @@ def k(
         InputError: the file cannot be read, or has several cameras; or the KEY is of no known make and model.
         RegistryError: no entry answers, or several do.
     """
-    from calibrary.jobs.k.run import of_file, of_image, of_key, save
+    from calibrary.atomic import write_files
+    from calibrary.jobs.k.run import of_file, of_image, of_key
     from calibrary.parsers import is_image_file
+    from calibrary.parsers.formats.k_npy import matrix_file
 
     path = Path(what)
     if not path.exists():
@@ -49,6 +51,6 @@ def k(
         found = of_image(path, registry)
     else:
         found = of_file(path, reading or Reading())
-    if npy is not None and found.is_usable:
-        save(found, Path(npy))
+    if npy is not None and found.is_usable and found.calibration is not None:
+        write_files({Path(npy): matrix_file(found.calibration)})
     return found

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from pathlib import Path
 
 from calibrary.admission import admission
 from calibrary.arguments import Place, Reading
-from calibrary.arrays import np
-from calibrary.atomic import write_files
 from calibrary.calibration import Calibration, Intrinsics
 from calibrary.errors import InputError, RegistryError
 from calibrary.jobs.extract import extract
@@ -82,10 +79,3 @@ def of_key(key: str, registry: Place | Sequence[Place] | None) -> OneK:
     if found.calibration is None or found.allowed is None:
         raise RegistryError(f"the K of {found.path} may not be used: {found.use_reason}")
     return OneK(use=found.allowed.use, why=f"{found.use}: {found.use_reason}", calibration=found.calibration)
-
-
-def save(found: OneK, path: Path) -> None:
-    """Write K, (3, 3) float64, as NumPy reads it."""
-    data = io.BytesIO()
-    np.save(data, found.intrinsics.matrix)
-    write_files({path: data.getvalue()})
