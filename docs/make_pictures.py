@@ -31,7 +31,7 @@ from calibrary.calib.synthesis.cameras import example_camera, head
 from calibrary.calib.synthesis.files import write_frames
 from calibrary.cli.console import Screen
 from calibrary.cli.main import main as command
-from calibrary.cli.shown import show
+from calibrary.cli.terminal import show
 from calibrary.jobs.calibrate import calibrate
 from calibrary.jobs.demo.flight import write_flight
 from calibrary.jobs.desk import desk

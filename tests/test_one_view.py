@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import io
 import re
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -13,15 +14,21 @@ import pytest
 
 import calibrary
 from calibrary.cli.console import Screen
-from calibrary.cli.shown import show
+from calibrary.cli.terminal import show
 from calibrary.jobs.audit.told import told as audit_told
-from calibrary.jobs.desk import flights
+from calibrary.jobs.convert import convert
+from calibrary.jobs.desk import boards, flights
 from calibrary.jobs.diff.comparison import compare
-from calibrary.jobs.diff.told import told as diff_told
 from calibrary.jobs.extract.report import ExtractReport
 from calibrary.jobs.extract.told import told
+from calibrary.jobs.fleet import create_registry
+from calibrary.jobs.inspect import inspect
+from calibrary.jobs.onboard import onboard
 from calibrary.pages import render_page
-from calibrary.view import SideBySide, Table, View, text_of
+from calibrary.pages.notebook import in_notebook
+from calibrary.records import encoded
+from calibrary.view import Block, Section, SideBySide, Table, View, text_of, view_of
+from tests.jobs.calibrate.boards import PROVISIONAL, corners
 from tests.jobs.diff.cameras import changed
 from tests.jobs.extract.fleet import DEWARP, P4R, entry, files, gate, picture, plan
 from tests.workshop import CAMERA
@@ -44,7 +51,16 @@ def order(words: list[str], text: str) -> None:
 
 
 def answer(view: View) -> Table:
-    return next(block for block in view.sections[0].blocks if isinstance(block, Table))
+    return next(tables(view.sections[0].blocks))
+
+
+def tables(blocks: Iterable[Block]) -> Iterator[Table]:
+    """The tables that no summary hides."""
+    for block in blocks:
+        if isinstance(block, Table):
+            yield block
+        elif isinstance(block, SideBySide) or (isinstance(block, Section) and block.printed):
+            yield from tables(block.blocks)
 
 
 def cells(table: Table) -> list[str]:
@@ -58,13 +74,13 @@ def rendered(view: View) -> str:
 
 
 def shown_equally(view: View, in_notebook: str) -> None:
-    """The table of the answer is whole and in the same order in every medium."""
-    table = answer(view)
-    beside = [one.title for one in table.columns if one.below is None]
-    order(beside, terminal(view))
-    order([text_of(cell) for row in table.rows for cell in row if cell], terminal(view))
-    order(cells(table), rendered(view))
-    order(cells(table), html.unescape(in_notebook))
+    """The tables of the answer are whole and in the same order in every medium."""
+    shown = [*tables(view.sections)]
+    assert shown
+    order([one.title for table in shown for one in table.columns if one.below is None], terminal(view))
+    order([text_of(cell) for table in shown for row in table.rows for cell in row if cell], terminal(view))
+    order([word for table in shown for word in cells(table)], rendered(view))
+    order([word for table in shown for word in cells(table)], html.unescape(in_notebook))
 
 
 @pytest.fixture
@@ -121,11 +137,33 @@ def test_an_audit_of_twenty_cameras_without_an_entry_is_told_in_six_lines(tmp_pa
 
 def test_a_comparison_is_shown_equally() -> None:
     found = compare(CAMERA, changed(CAMERA, fx=1.01 * CAMERA.intrinsics.fx), labels=("a.xml", "b.xml"))
-    table = next(b for b in diff_told(found).sections[1].blocks if isinstance(b, SideBySide)).blocks[0]
-    assert isinstance(table, Table)
-    for medium in (
-        terminal(diff_told(found)),
-        rendered(diff_told(found)),
-        html.unescape(found._repr_html_()),
+    shown_equally(view_of(found), found._repr_html_())
+
+
+def test_a_calibration_is_shown_equally_and_the_desk_shows_its_sections(tmp_path: Path) -> None:
+    report = calibrary.calibrate(corners=corners(tmp_path / "corners.json", how=PROVISIONAL))
+    shown_equally(view_of(report), in_notebook(report))
+    job = SimpleNamespace(words=["calibrate"], documents=[encoded(report)], is_cancelled=False, text="")
+    job.title, job.command = "Board", "calibrary calibrate"
+    at_desk = boards.solved(cast("Any", job), "/job/1", None)
+    assert [*tables(at_desk.sections)] == [*tables(view_of(report).sections)]
+    assert (at_desk.badge, at_desk.lead) == (view_of(report).badge, view_of(report).lead)
+
+
+def test_what_a_payload_a_check_an_inspection_and_a_conversion_find_is_shown_equally(tmp_path: Path) -> None:
+    picture(tmp_path / "flight/a.jpg", **P4R, dewarp=DEWARP)
+    written, other = tmp_path / "flight/a.yml", tmp_path / "flight/b.yml"
+    converted = convert([tmp_path / "flight/a.jpg"], str(written), to="opencv_storage")
+    other.write_bytes(written.read_bytes())
+    (tmp_path / "fleet").mkdir()
+    fleet = create_registry(tmp_path / "fleet").place
+    for result in (
+        calibrary.check(tmp_path / "flight"),
+        onboard(tmp_path / "flight", registry=fleet, html=tmp_path / "page.html"),
     ):
-        order(cells(table), medium)
+        shown_equally(view_of(result), in_notebook(result))
+    many = convert([written, other], str(tmp_path / "many"), to="opencv_storage")
+    shown_equally(view_of(many, place="many"), rendered(view_of(many, place="many")))
+    for view in (view_of(inspect([written])), view_of(converted, place="a.yml")):
+        for section in view.sections:
+            order([text for text in section.blocks if isinstance(text, str)], terminal(view))

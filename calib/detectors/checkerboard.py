@@ -63,7 +63,7 @@ def find_checkerboard(gray: Gray, board: Board) -> Found | NotFound:
         return whole
     part = find_partial(gray, board, piece if piece is not None else grow())
     # The reason from the search for a whole board is more informative than "no piece found".
-    return whole if isinstance(part, NotFound) and part.text.startswith("no ") else part
+    return whole if part is None else part
 
 
 def grown_board(gray: Gray, largest: int) -> tuple[tuple[int, int] | None, Found | NotFound]:

@@ -39,7 +39,7 @@ class _Placement(Struct, frozen=True, kw_only=True, eq=False):
     column: int
 
 
-def find_partial(gray: Gray, board: Board, piece: Lattice | None) -> Found | NotFound:
+def find_partial(gray: Gray, board: Board, piece: Lattice | None) -> Found | NotFound | None:
     """Find the visible inner corners of a checkerboard that is not completely visible.
 
     Args:
@@ -48,23 +48,20 @@ def find_partial(gray: Gray, board: Board, piece: Lattice | None) -> Found | Not
         piece: lattice grown by :func:`~calibrary.calib.detectors.growing.grown`.
 
     Returns:
-        Points in px with OpenCV's pixel origin.
+        Points in px with OpenCV's pixel origin; None if there is no piece of a board.
     """
-    missing = NotFound(
-        reason=Reason.NO_BOARD, text=f"no checkerboard of {board.columns}×{board.rows} inner corners"
-    )
     if piece is None:
-        return missing
+        return None
     piece = _trimmed(piece, board)
     shape, count = piece.shape[:2], int(np.isfinite(piece[..., 0]).sum())
     if count < max(FEWEST_CORNERS, LEAST_SHARE * len(board.points)) or min(shape) < FEWEST_LINES:
-        return missing
+        return None
     spacing = smallest_spacing(piece)
     half = half_window(spacing)
     seen = np.isfinite(piece[..., 0])
     piece[seen] = refined(gray, piece[seen], half)
     if squares_share(gray, piece) < FEWEST_SQUARES:
-        return missing
+        return None
     if not _fits(shape, board):
         text = (
             f"the board has more than {board.columns}×{board.rows} inner corners, {max(shape)}×{min(shape)} are seen; "

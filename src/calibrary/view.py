@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Sequence
 from enum import StrEnum
+from importlib import import_module
 from typing import Any, ClassVar, Final, Self, TypeAlias
 
 from msgspec import Struct
@@ -354,3 +355,10 @@ class View(Struct, frozen=True, kw_only=True):
     made_by: str
     contents: bool = True
     refresh_s: int | None = None
+
+
+def view_of(result: object, package: str | None = None, **how: Any) -> View:
+    """Describe a job's result by ``told``, which stands in the package of the result's record, or in the one named."""
+    package = package or type(result).__module__.rpartition(".")[0]
+    view: View = import_module(f"{package}.told").told(result, **how)
+    return view

@@ -84,7 +84,9 @@ def test_frames_lead_to_the_camera_that_took_them(calibrated: Run, photographed:
     assert err == ""
 
 
-def test_a_person_sees_verdict_parameters_and_every_view(calibrated: Run, photographed: Path) -> None:
+def test_a_person_sees_verdict_parameters_and_the_views_that_fit_worst(
+    calibrated: Run, photographed: Path
+) -> None:
     code, out, err = calibrated(photographed, *BOARD, "--correlations")
     assert code == 1
     assert err == ""
@@ -101,7 +103,7 @@ def test_a_person_sees_verdict_parameters_and_every_view(calibrated: Run, photog
         "criterion",
     ):
         assert name in out
-    assert len(re.findall(r"board_00\d\d\.jpg +0\.\d", out)) == COUNT
+    assert re.search(r"largest errors +board_00\d\d\.jpg 0\.\d", out)
 
 
 @pytest.mark.thorough
@@ -196,14 +198,14 @@ def test_a_refused_calibration_writes_its_report_and_its_corners_and_nothing_els
     assert code == 1
     assert out.splitlines()[-1].startswith("NONE")
     assert "low-tilt: board normals spread" in out
-    assert "; tilt the board\n" in out
+    assert "→ tilt the board\n" in out
     assert not re.search(r"^ +fx ", out, re.MULTILINE)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["again.json", "fleet", "kept.json", "r.html"]
     assert (tmp_path / "again.json").read_bytes() == kept.read_bytes()
     assert [*fleet.snapshot().entries(), *fleet.snapshot().proposals()] == []
     page = (tmp_path / "r.html").read_text(encoding="utf-8")
     assert "The numbers that were refused" in page
-    assert "No K was written" in page
+    assert "no K was written" in page
 
 
 def test_one_that_passes_exits_with_0_and_writes_what_was_asked_for(calibrated: Run, tmp_path: Path) -> None:
@@ -265,9 +267,9 @@ def test_the_exit_code_is_about_the_use_that_was_asked_for(
     kept = corners(tmp_path / "kept.json", how=PROVISIONAL)
     found, out, _ = calibrated("--from", kept, "--use", use)
     assert found == code
-    assert re.search(r"keep it fixed: no: .* px within \d+ px of the middle", out)
-    assert "start from it: yes" in out
-    assert ("measure with it: no" in out) is (use == "metrology")
+    assert re.search(r"keep it fixed +no +.* px within \d+ px of the middle", out)
+    assert re.search("start from it +yes", out)
+    assert bool(re.search("measure with it +no", out)) is (use == "metrology")
 
 
 def test_an_entry_holds_what_it_takes_to_solve_it_again(
@@ -357,8 +359,8 @@ def test_a_stray_frame_of_another_size_is_left_out_on_request_and_named(
     assert "--skip-other-sizes" in err
     code, out, err = calibrated(folder, *BOARD, "--skip-other-sizes")
     assert code == 1
-    assert "1 of 9 frames are of another size than 640×480 px" in err
-    assert re.search(r"stray\.jpg +– +other-size", out)
+    assert "1 of 9 frames are of another size than 640×480 px" in out
+    assert re.search(r"stray\.jpg +other-size", out)
 
 
 def test_a_key_that_nobody_has_is_told_of(calibrated: Run, tmp_path: Path, fleet: Registry) -> None:

@@ -10,9 +10,10 @@ from rich.text import Text
 
 from calibrary.calibration import Grade, Intrinsics, Quality
 from calibrary.cli import onboard
-from calibrary.cli.calibrate.display import _correlations, parameters
 from calibrary.cli.console import Screen
+from calibrary.cli.terminal import show
 from calibrary.distortion import BrownConrady
+from calibrary.jobs.calibrate.told import _correlations, parameters
 from calibrary.jobs.diff.verdicts import ChangeVerdict
 from calibrary.jobs.images.folders import SkippedFile
 from calibrary.jobs.onboard.report import (
@@ -26,6 +27,7 @@ from calibrary.jobs.onboard.report import (
     RelatedEntry,
     SortedFolder,
 )
+from calibrary.jobs.onboard.told import told
 from calibrary.registry.entry import Status
 from tests.registry.entries import KEY, an_entry, covariance
 
@@ -66,23 +68,17 @@ def test_a_camera_of_a_payload_is_shown_with_its_estimates_and_its_relatives() -
         RelatedEntry(id="dji/b", own=False, status=Status.APPROVED, reason="turned by 90°"),
     )
     board = ImageSolve(images=9, reason="too few views")
-    onboard._show_camera(
-        shown,
-        decision(estimates=estimates, relatives=relatives, board=board, next="approve it", hint="fly a grid"),
-        str(KEY),
+    one = decision(
+        estimates=estimates, relatives=relatives, board=board, next="approve it", hint="fly a grid"
     )
-    head, _, file, catalogue, *rest = lines(shown)
-    assert head == str(KEY)
-    assert file == "file: lab.xml calibrated 3661.2 3658.8 2731.5 1831.2 proposed"
-    assert catalogue == "catalogue: P4R – 3661.2 3658.8 – – -0.40% no K"
-    assert rest == [
-        "the frames of a board give no K: too few views",
-        "fly a grid",
-        f"against dji/a: {ChangeVerdict.DRIFT.value}, Δf/f +0.200%",
-        "against dji/b: turned by 90°",
-        "The file is exact.",
-        "next approve it",
-    ]
+    show(shown, told(report(one)))
+    text = lines(shown)
+    assert text[:3] == [f"{KEY} draft proposed", "The file is exact.", "→ approve it"]
+    assert "lab.xml file calibrated 3661.25 3658.75 2731.50 1831.25 – proposed" in text
+    assert "P4R catalogue – 3661.25 3658.75 – – −0.40% no K" in text
+    assert f"dji/a this camera approved +0.200% – {ChangeVerdict.DRIFT.value}" in text
+    assert "dji/b another approved – – turned by 90°" in text
+    assert "9 frames of a board give no K: too few views." in text
 
 
 def report(*cameras: CameraDecision, **changed: Any) -> OnboardReport:
@@ -103,10 +99,11 @@ def report(*cameras: CameraDecision, **changed: Any) -> OnboardReport:
 def test_a_payload_is_counted_and_of_many_files_that_were_skipped_eight_are_named() -> None:
     shown = screen()
     onboard._show(shown, report(), "report.html")
-    count, *skipped, more, page = lines(shown)
-    assert count == "1 image, 2 frames of a board, 0 calibration files, 9 skipped"
-    assert skipped == [f"skipped {number}.txt: no image" for number in range(8)]
-    assert (more, page) == ("and 1 more, listed in the report", "wrote report.html")
+    page, count, _, *skipped, more, lead = lines(shown)
+    assert count == "1 image of flights, 2 frames of a board, 0 calibration files, 9 skipped"
+    assert skipped == [f"{number}.txt no image" for number in range(8)]
+    assert (more, page) == ("1 more", "wrote report.html")
+    assert lead == "no camera could be identified in the folder"
 
 
 def test_where_one_of_several_cameras_was_refused_it_says_that_nothing_was_written() -> None:
@@ -144,28 +141,28 @@ def test_a_draft_that_was_written_is_told_with_the_command_that_shows_it() -> No
 
 def test_correlations_are_covariances_in_units_of_the_standard_deviations() -> None:
     C = covariance()
-    quality = Quality(covariance=C)
-    _, *rows = [line.plain.split() for line in _correlations(quality, 300)]
+    [table] = _correlations(Quality(covariance=C))
     sigma = np.sqrt(np.diag(C.matrix))
-    for at, row in enumerate(rows):
-        assert row == [C.names[at], *(f"{C.matrix[at, to] / sigma[at] / sigma[to]:+.2f}" for to in range(at))]
-    narrow = [line.plain for line in _correlations(quality, 20)]
-    assert f"fx\u00a0{C.matrix[1, 0] / sigma[0] / sigma[1]:+.2f}" in " ".join(narrow)
+    for at, row in enumerate(table.rows):
+        found = [cell for cell in row if cell]
+        assert found == [
+            C.names[at],
+            *(f"{C.matrix[at, to] / sigma[at] / sigma[to]:+.2f}" for to in range(at)),
+        ]
 
 
 def test_a_parameter_is_shown_to_the_second_digit_of_its_standard_deviation() -> None:
     entry = an_entry(quality=Quality(std={"fx": 0.12, "cx": 12.0, "k1": 3e-5, "k2": 0.0}, kappa2=4.0))
-    _, *rows = [" ".join(line.plain.split()) for line in parameters(entry.calibration, 300)]
-    assert rows[:5] == [
-        "fx 3661.250 0.12 0.24",
-        "fy 3658.750000 – –",
-        "cx 2731.50 12 24",
-        "cy 1831.250000 – –",
-        "k1 -0.2620000 3e-05 6e-05",
+    assert [*parameters(entry.calibration)][:6] == [
+        ("fx", "3661.25", "0.12", "0.24"),
+        ("fy", "3658.75", "–", "–"),
+        ("cx", "2732", "12", "24"),
+        ("cy", "1831.25", "–", "–"),
+        ("k1", "−0.262000", "0.000030", "0.000060"),
+        ("k2", "0.104", "–", "–"),
     ]
-    assert rows[5].startswith("k2 0.104000 ")
     bare = an_entry(distortion=BrownConrady(k1=-0.1, k2=0.0, p1=0.0, p2=0.0)).calibration
-    assert [line.plain.split()[0] for line in parameters(bare, 300)[1:]] == ["fx", "fy", "cx", "cy", "k1"]
+    assert [row[0] for row in parameters(bare)] == ["fx", "fy", "cx", "cy", "k1"]
 
 
 def test_a_table_on_a_terminal_is_indented_and_in_a_pipe_it_has_no_blanks_at_the_ends() -> None:

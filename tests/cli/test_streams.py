@@ -19,13 +19,13 @@ A_SCRIPT_READS = "registry resolve"
 
 VERDICTS = {
     "extract survey --dry-run": r"2 cameras, judged by the fleet policy: 1 valid, 1 unproven",
-    "calibrate --from corners.json": r"FIXED ",
+    "calibrate --from corners.json": r"FIXED: ",
     "registry check": r"good: ",
     "registry audit survey": r"needs attention: ",
     "registry status": r"2 for Ada Keeper; 2 entries",
     "diff camera.xml later.xml": r"drift, needs attention\. Keep using A until ",
     "diff --since HEAD~6": r"1 needs attention: ",
-    "onboard payload --yes --for unit --html new/o/onboard.html": r"draft proposed: ",
+    "onboard payload --yes --for unit --html new/o/onboard.html": r"1 camera: 1 draft proposed",
     "convert camera.xml new/v/camera.yml --to opencv_storage": r"exact",
     "extract survey --output-matrix new/k/K_matrix.npy --html new/p/survey.html": r"2 cameras, judged by ",
 }

@@ -174,10 +174,10 @@ def test_an_image_of_another_shape_is_refused_and_the_others_are_made(
 ) -> None:
     cv2.imwrite(str(image.with_name("turned.png")), pixels((160, 240)))
     out = image.parent / "out"
-    code, _, err = run(capsys, image.with_name("turned.png"), image, "--calibration", camera, "--out", out)
+    code, text, _ = run(capsys, image.with_name("turned.png"), image, "--calibration", camera, "--out", out)
     assert code == 3
-    assert "turned.png" in err
-    assert "cannot be scaled to 160×240" in err
+    assert "turned.png" in text
+    assert "cannot be scaled to 160×240" in text
     assert sorted(path.name for path in out.iterdir()) == ["a.png", "camera.yml"]
 
 
@@ -268,8 +268,8 @@ def test_a_picture_the_camera_has_undistorted_itself_is_doubted(
         "<f>3660</f><k1>-0.1</k1></calibration>"
     )
     flags = ("--size", "547x365", "--keep", "all", "--out", tmp_path / "out")
-    _, _, err = run(capsys, corrected, "--calibration", lens, *flags)
-    assert "has undistorted this picture itself" in err
+    _, text, _ = run(capsys, corrected, "--calibration", lens, *flags)
+    assert "has undistorted this picture itself" in text
 
 
 def test_unknown_distortion_is_refused_with_a_hint_before_any_image_is_read(

@@ -171,7 +171,7 @@ class TestCommand:
         assert "hold the board" in text.lower()
         assert main(argv) == 1
         said = capsys.readouterr().out
-        assert "next" in said
+        assert "Next" in said
         assert "5 of 5 frames count" in said
 
     def test_ctrl_c_keeps_the_frames_and_says_how_to_go_on(
@@ -188,7 +188,7 @@ class TestCommand:
             if next(looks) == 2:
                 raise KeyboardInterrupt
 
-        monkeypatch.setattr("calibrary.jobs.calibrate_watch.page.time.sleep", stop_at_the_third_look)
+        monkeypatch.setattr("calibrary.jobs.calibrate_watch.run.time.sleep", stop_at_the_third_look)
         assert main(["calibrate", "watch", str(tmp_path), "--board", str(SMALL)]) == 1
         said = capsys.readouterr().out
         assert frames[0].name in said

@@ -82,8 +82,7 @@ class Command(NamedTuple):
     Attributes:
         name: as typed.
         help: its line in the list of commands.
-        module: name of its module, which defines ``DESCRIPTION``, ``EXAMPLES``, ``add_arguments(parser)``,
-            ``run(arguments)`` unless it only groups others, and ``PARSER`` if it needs its own parser class.
+        module: name of its module, whose ``COMMAND`` makes the parser.
     """
 
     name: str
@@ -114,15 +113,8 @@ class Commands(Mapping[str, argparse.ArgumentParser]):
         return len(self._commands)
 
     def _parser_of(self, command: Command) -> argparse.ArgumentParser:
-        module: Any = import_module(command.module)
-        kind: type[Parser] = getattr(module, "PARSER", Parser)
-        parser = kind(
-            prog=f"{self._prog} {command.name}", description=module.DESCRIPTION, epilog=module.EXAMPLES
-        )
-        module.add_arguments(parser)
-        if hasattr(module, "run"):
-            add_output_flags(parser)
-            parser.set_defaults(run=module.run, parser=parser)
+        declared = import_module(command.module).COMMAND
+        parser: argparse.ArgumentParser = declared.parser(f"{self._prog} {command.name}")
         return parser
 
 

@@ -8,7 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal
 
-from calibrary.cli.flags import add_flags, call
+from calibrary.cli.flags import call
+from calibrary.cli.shown import Shown
 
 DESCRIPTION = "Print a script that completes commands, flags, files and formats in a shell."
 EXAMPLES = """\
@@ -20,11 +21,6 @@ examples:
 zsh looks for it in the folders of fpath, which must be set before compinit runs.
 A new shell then completes commands; write the script again after an update.
 """
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    add_flags(parser, completion_script, positional={"shell": "SHELL"})
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -85,3 +81,6 @@ def _set_completion(action: argparse.Action) -> None:
         action.choices = sorted(
             {f"{name}={value}" for items in asked for name, values in items for value in values}
         )
+
+
+COMMAND = Shown(completion_script, DESCRIPTION, EXAMPLES, run=run, positional={"shell": "SHELL"}, json=False)

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from calibrary.cli.commands import add_json_flag, print_json
-from calibrary.cli.flags import add_flags, call
-from calibrary.cli.progress import Bar
+from calibrary.cli.shown import Shown
 from calibrary.jobs.convert import convert
 
 if TYPE_CHECKING:
-    from calibrary.cli.console import Screen
-    from calibrary.jobs.convert.run import ConvertedFile, ConvertReport
+    from calibrary.jobs.convert.run import ConvertReport
 
 DESCRIPTION = "Write a calibration in another program's format, and report what was kept."
 EXAMPLES = """\
@@ -34,60 +30,20 @@ exit code 0: all were written; 1: the same, but a K is hardly a camera's, and --
 3: at least one was not written.
 """
 
-EXIT_UNLIKELY = 1
-EXIT_REFUSED = 3
+
+class _Convert(Shown):
+    def show(self, done: ConvertReport, arguments: argparse.Namespace, **_: Any) -> None:
+        super().show(done, arguments, place=arguments.output)
+
+    def exit_code(self, done: ConvertReport, arguments: argparse.Namespace) -> int:
+        return 0 if done.is_good and arguments.force else super().exit_code(done, arguments)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    add_flags(parser, convert, positional={"sources": "IN", "output": "OUT"})
-    add_json_flag(parser)
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Run the command; returns the exit code."""
-    from calibrary.cli.console import note, out
-
-    with Bar(note(arguments), "converting") as bar:
-        done = call(convert, arguments, progress=bar)
-    if arguments.json:
-        print_json(done)
-    elif len(done.files) == 1 and done.is_good:
-        _show_one(out(arguments), done.files[0], arguments.output)
-    else:
-        _show_many(out(arguments), done, arguments.output)
-    if not done.is_good:
-        return EXIT_REFUSED
-    return 0 if done.is_likely or arguments.force else EXIT_UNLIKELY
-
-
-def _show_one(screen: Screen, done: ConvertedFile, place: str) -> None:
-    from calibrary.cli.console import plain
-
-    if done.into:
-        cameras = f"camera{'s' if done.into[1:] else ''} {', '.join(map(str, done.into))}"
-        screen.say(plain(f"wrote {cameras} of {place} ({done.format}); its images keep their cameras"))
-        screen.say(
-            plain(f"to put back what was there: sqlite3 {place} < {Path(place).parent / str(done.backup)}")
-        )
-    else:
-        screen.say(plain(f"wrote {place} ({done.format})"))
-    screen.say(plain(str(done)))
-    if done.priors:
-        grades = ", ".join(f"{grade.value} ({grade.meaning})" for grade in done.priors)
-        screen.say(plain(f"not measured, to start an adjustment with: its K is a {grades}"))
-
-
-def _show_many(screen: Screen, done: ConvertReport, folder: str) -> None:
-    from calibrary.cli.console import plain
-    from calibrary.cli.tables import Column, fitted
-
-    columns = [Column(name="source"), Column(name="written"), Column(name="verdict", wraps=True)]
-    rows = []
-    for one in done.files:
-        source = one.source + (f", camera {one.camera}" if one.camera is not None else "")
-        prior = f"; not measured: a {', '.join(one.priors)}" if one.priors else ""
-        rows.append([plain(source), plain(one.output or "—"), plain(str(one) + prior)])
-    screen.show(fitted(columns, rows, screen.width))
-    written = sum(one.output is not None for one in done.files)
-    screen.say(plain(f"wrote {written} of {len(done.files)} into {folder}"))
+COMMAND = _Convert(
+    convert,
+    DESCRIPTION,
+    EXAMPLES,
+    positional={"sources": "IN", "output": "OUT"},
+    doing="converting",
+    exits={"is_good": 3, "is_likely": 1},
+)

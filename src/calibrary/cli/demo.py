@@ -7,7 +7,8 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calibrary.cli.flags import add_flags, call
+from calibrary.cli.flags import call
+from calibrary.cli.shown import Shown
 from calibrary.cli.tables import Column, fitted
 from calibrary.jobs.demo import demo
 
@@ -26,11 +27,6 @@ examples:
 The images are synthetic, some of those of the flight bad on purpose. The list states how each should be judged, and
 why. The commands of the README can be typed in DIR.
 """
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    add_flags(parser, demo, positional={"folder": "DIR"})
 
 
 COLUMNS = (
@@ -79,3 +75,6 @@ def _show(screen: Screen, images: Sequence[DemoImage]) -> None:
         for image, names in stories.items()
     ]
     screen.show(fitted(COLUMNS, rows, screen.width))
+
+
+COMMAND = Shown(demo, DESCRIPTION, EXAMPLES, run=run, positional={"folder": "DIR"}, json=False)

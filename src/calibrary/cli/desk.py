@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 
-from calibrary.cli.flags import add_flags, call
+from calibrary.cli.flags import call
+from calibrary.cli.shown import Shown
 from calibrary.jobs.desk import desk
 
 DESCRIPTION = (
@@ -26,16 +27,6 @@ and key. With --host whoever has the password does.
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    add_flags(
-        parser,
-        desk,
-        groups={"for others than this machine": ["host", "let_others_act_as_me", "password_file"]},
-    )
-    parser.add_argument("--no-open", action="store_true", help="print the address, and open no browser")
-
-
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.cli.console import note
@@ -51,3 +42,14 @@ def run(arguments: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         note(arguments).say("ended")
     return 0
+
+
+COMMAND = Shown(
+    desk,
+    DESCRIPTION,
+    EXAMPLES,
+    run=run,
+    groups={"for others than this machine": ["host", "let_others_act_as_me", "password_file"]},
+    switches={"--no-open": "print the address, and open no browser"},
+    json=False,
+)

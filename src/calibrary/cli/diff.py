@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING, Any
 
-from calibrary.cli.commands import add_json_flag, print_json
 from calibrary.cli.flags import add_flags, call
 from calibrary.cli.progress import Bar
+from calibrary.cli.shown import Shown
 from calibrary.jobs.diff import compare, compare_fleet
+
+if TYPE_CHECKING:
+    from calibrary.jobs.diff.comparison import DiffReport
+    from calibrary.jobs.diff.fleet import FleetDiffReport
 
 DESCRIPTION = (
     "Compare two calibrations of one camera, or every entry of a registry with its earlier state: in "
@@ -33,60 +38,50 @@ entry could not be compared, or none is of that firmware.
 """
 
 EXIT_ALARM = 1
+FLEET = {"every entry of a registry instead of two calibrations": ("since", "firmware")}
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    add_flags(parser, compare, positional={"a": "A", "b": "B"}, optional=["a", "b"])
-    fleet = {"every entry of a registry instead of two calibrations": ("since", "firmware")}
-    add_flags(parser, compare_fleet, groups=fleet, exclusive=[("since", "firmware")], without=["registry"])
-    add_json_flag(parser)
+class _Diff(Shown):
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declare the flags of both jobs."""
+        super().add_arguments(parser)
+        one = [("since", "firmware")]
+        add_flags(parser, compare_fleet, groups=FLEET, exclusive=one, without=["registry"])
 
-
-def run(arguments: argparse.Namespace) -> int:
-    """Run the command; returns the exit code."""
-    from calibrary.cli.console import out
-    from calibrary.cli.shown import show
-
-    if arguments.since is not None or arguments.firmware is not None:
-        if arguments.a is not None:
+    def check(self, arguments: argparse.Namespace) -> None:
+        is_fleet = arguments.since is not None or arguments.firmware is not None
+        if is_fleet and arguments.a is not None:
             arguments.parser.error(
                 "expected either two calibrations A B, or --since REV, or --firmware OLD..NEW"
             )
-        return _fleet(arguments)
-    if arguments.b is None:
-        arguments.parser.error("expected two calibrations A B, or --since REV, or --firmware OLD..NEW")
-    found = call(compare, arguments)
-    _say_written(arguments)
-    if arguments.json:
-        print_json(found)
-    else:
-        from calibrary.jobs.diff.told import told
+        if not is_fleet and arguments.b is None:
+            arguments.parser.error("expected two calibrations A B, or --since REV, or --firmware OLD..NEW")
 
-        show(out(arguments), told(found))
-    return EXIT_ALARM if found.alarm else 0
+    def done(self, arguments: argparse.Namespace, _: Any = None) -> DiffReport | FleetDiffReport:
+        """Compare two calibrations, or a fleet, and say where the page is."""
+        from calibrary.cli.console import note, plain
 
+        found: DiffReport | FleetDiffReport
+        if arguments.a is not None:
+            found = call(compare, arguments)
+        else:
+            from calibrary.jobs.fleet import Fleet
 
-def _fleet(arguments: argparse.Namespace) -> int:
-    from calibrary.cli.console import note, out
-    from calibrary.cli.shown import show
-    from calibrary.jobs.fleet import Fleet
+            with Bar(note(arguments), "comparing") as bar:
+                registry = Fleet.named(arguments.registry).registry
+                found = call(compare_fleet, arguments, registry=registry, progress=bar)
+        if arguments.html is not None:
+            note(arguments).say(plain(f"wrote {arguments.html}"))
+        return found
 
-    registry = Fleet.named(arguments.registry).registry
-    with Bar(note(arguments), "comparing") as bar:
-        found = call(compare_fleet, arguments, registry=registry, progress=bar)
-    _say_written(arguments)
-    if arguments.json:
-        print_json(found)
-    else:
-        from calibrary.jobs.diff.told import told_fleet
-
-        show(out(arguments), told_fleet(found))
-    return EXIT_ALARM if found.alarm else 0
+    def exit_code(self, done: DiffReport | FleetDiffReport, _: argparse.Namespace) -> int:
+        return EXIT_ALARM if done.alarm else 0
 
 
-def _say_written(arguments: argparse.Namespace) -> None:
-    from calibrary.cli.console import note, plain
-
-    if arguments.html is not None:
-        note(arguments).say(plain(f"wrote {arguments.html}"))
+COMMAND = _Diff(
+    compare,
+    DESCRIPTION,
+    EXAMPLES,
+    positional={"a": "A", "b": "B"},
+    optional=["a", "b"],
+)

@@ -8,11 +8,17 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from calibrary.cli.commands import add_json_flag, add_table_flag, check_table_flag, write_table
-from calibrary.cli.flags import add_flags, call, help_group
+from calibrary.cli.commands import add_table_flag, check_table_flag, write_table
+from calibrary.cli.flags import call, help_group
+from calibrary.cli.shown import Shown
 from calibrary.errors import InputError
 from calibrary.jobs.extract import extract
+from calibrary.jobs.tables import cameras, images
+
+if TYPE_CHECKING:
+    from calibrary.jobs.extract.report import ExtractReport
 
 DESCRIPTION = "Derive and validate one K per camera from a directory of images."
 EXAMPLES = """\
@@ -66,80 +72,6 @@ SPELLED = {
 }
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    images = parser.add_argument_group("which images")
-    images.add_argument(
-        "--from",
-        dest="list_file",
-        metavar="FILE",
-        help="read the images, folders and URLs that FILE lists, one on each line; - is standard input",
-    )
-    add_flags(
-        parser,
-        extract,
-        positional={"images": "DIR"},
-        groups=GROUPS,
-        spelled=SPELLED,
-        without=["lines"],
-        bare={"locked": "calibrary.lock"},
-    )
-    help_group(parser, SOURCE_DOCUMENT).add_argument(
-        "--image-dir", metavar="DIR", help="same as DIR, as a flag (default: ./input/)"
-    )
-    parser.set_defaults(out="K_matrix.npy")
-    parser.add_argument(
-        "--explain", action="store_true", help="show all evidence of each camera, and the fallbacks tried"
-    )
-    add_json_flag(parser)
-    add_table_flag(parser, "the cameras")
-    add_table_flag(parser, "the images, each with the K of its camera", name="--image-table")
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Run the command; returns the exit code."""
-    _check_flags(arguments)
-    from calibrary.cli.console import note, out, plain
-    from calibrary.cli.progress import Bar
-    from calibrary.cli.shown import show
-    from calibrary.jobs.extract.report import encode
-    from calibrary.jobs.extract.told import told
-    from calibrary.jobs.tables import cameras, images
-
-    wanted = {"list_images": True} if arguments.image_table is not None else {}
-    with _lines(arguments) as lines, Bar(note(arguments), "") as bar:
-        result = call(
-            extract,
-            arguments,
-            images=_folders(arguments),
-            lines=lines,
-            progress=lambda done, total, what: bar(done, total, DOING[what]),
-            **wanted,
-        )
-    for place, table in ((arguments.table, cameras), (arguments.image_table, images)):
-        if place == "-" or not arguments.dry_run:
-            write_table(place, partial(table, result))
-    if arguments.json:
-        # The same bytes as in the report file, whatever the terminal's encoding.
-        sys.stdout.flush()
-        planned = result.outputs
-        sys.stdout.buffer.write(planned.files[planned.report] if planned.report else encode(result))
-        for warning in result.warnings:
-            note(arguments).say(f"[yellow]note[/]: {plain(warning)}")
-    show(out(arguments), told(result, files=True), whole=arguments.explain)
-    return int(result.exit_code)
-
-
-def _check_flags(arguments: argparse.Namespace) -> None:
-    """End with a usage error for tables that cannot be written, and for a folder that is given twice."""
-    check_table_flag(arguments)
-    check_table_flag(arguments, name="image_table")
-    if arguments.table == arguments.image_table == "-":
-        arguments.parser.error("--table and --image-table are two tables: one of them into a file")
-    if arguments.images and arguments.image_dir:
-        arguments.parser.error("DIR and --image-dir are the same; give one of them")
-
-
 def _folders(arguments: argparse.Namespace) -> list[str]:
     """The images and folders to read in addition to a list."""
     named = [arguments.image_dir] if arguments.image_dir else arguments.images
@@ -161,3 +93,80 @@ def _lines(arguments: argparse.Namespace) -> Iterator[Iterable[str] | None]:
             raise InputError(f"cannot be read: {reason}", source=arguments.list_file) from None
         with file:
             yield file
+
+
+class _Extract(Shown):
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declare the flags, with the places of images that are no parameters and the second table."""
+        images = parser.add_argument_group("which images")
+        images.add_argument(
+            "--from",
+            dest="list_file",
+            metavar="FILE",
+            help="read the images, folders and URLs that FILE lists, one on each line; - is standard input",
+        )
+        super().add_arguments(parser)
+        help_group(parser, SOURCE_DOCUMENT).add_argument(
+            "--image-dir", metavar="DIR", help="same as DIR, as a flag (default: ./input/)"
+        )
+        parser.set_defaults(out="K_matrix.npy")
+        add_table_flag(parser, "the cameras")
+        add_table_flag(parser, "the images, each with the K of its camera", name="--image-table")
+
+    def check(self, arguments: argparse.Namespace) -> None:
+        check_table_flag(arguments)
+        check_table_flag(arguments, name="image_table")
+        if arguments.table == arguments.image_table == "-":
+            arguments.parser.error("--table and --image-table are two tables: one of them into a file")
+        if arguments.images and arguments.image_dir:
+            arguments.parser.error("DIR and --image-dir are the same; give one of them")
+
+    def done(self, arguments: argparse.Namespace, _: Any = None) -> ExtractReport:
+        """Extract, and write the tables."""
+        from calibrary.cli.console import note
+        from calibrary.cli.progress import Bar
+
+        wanted = {"list_images": True} if arguments.image_table is not None else {}
+        with _lines(arguments) as lines, Bar(note(arguments), "") as bar:
+            result = call(
+                extract,
+                arguments,
+                images=_folders(arguments),
+                lines=lines,
+                progress=lambda done, total, what: bar(done, total, DOING[what]),
+                **wanted,
+            )
+        for place, table in ((arguments.table, cameras), (arguments.image_table, images)):
+            if place == "-" or not arguments.dry_run:
+                write_table(place, partial(table, result))
+        return result
+
+    def print_document(self, done: ExtractReport, arguments: argparse.Namespace) -> None:
+        """Print the same bytes as in the report file, whatever the terminal's encoding."""
+        from calibrary.cli.console import note, plain
+        from calibrary.jobs.extract.report import encode
+
+        sys.stdout.flush()
+        planned = done.outputs
+        sys.stdout.buffer.write(planned.files[planned.report] if planned.report else encode(done))
+        for warning in done.warnings:
+            note(arguments).say(f"[yellow]note[/]: {plain(warning)}")
+
+    def show(self, done: ExtractReport, arguments: argparse.Namespace, **_: Any) -> None:
+        super().show(done, arguments, files=True)
+
+    def exit_code(self, done: ExtractReport, _: argparse.Namespace) -> int:
+        return int(done.exit_code)
+
+
+COMMAND = _Extract(
+    extract,
+    DESCRIPTION,
+    EXAMPLES,
+    positional={"images": "DIR"},
+    groups=GROUPS,
+    spelled=SPELLED,
+    without=["lines"],
+    bare={"locked": "calibrary.lock"},
+    switches={"--explain": "show all evidence of each camera, and the fallbacks tried"},
+)

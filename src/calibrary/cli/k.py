@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import argparse
 import sys
+from typing import TYPE_CHECKING, Any
 
-from calibrary.cli.commands import add_json_flag, print_json
-from calibrary.cli.flags import add_flags, call
+from calibrary.cli.shown import Shown
 from calibrary.jobs.k import k
+
+if TYPE_CHECKING:
+    from calibrary.jobs.k.run import OneK
 
 DESCRIPTION = "Print the nine numbers of one K."
 EXAMPLES = """\
@@ -20,25 +23,19 @@ K counts from the outer corner of the top-left pixel, whose centre is (0.5, 0.5)
 1: it may not, or the numbers are a seed to start a self-calibration with. Standard error says which, and why.
 """
 
-EXIT_NOT_TO_USE = 1
+
+class _K(Shown):
+    def show(self, done: OneK, arguments: argparse.Namespace, **_: Any) -> None:  # noqa: ARG002  as of Shown
+        """Print three lines of three numbers, for programs."""
+        sys.stdout.write("".join("{} {} {}\n".format(*row) for row in done.intrinsics.rows))
+
+    def exit_code(self, done: OneK, arguments: argparse.Namespace) -> int:
+        from calibrary.cli.console import errors, plain
+
+        errors().say(
+            plain(f"calibrary: {'' if done.calibration is not None else 'a seed, no K: '}{done.why}")
+        )
+        return super().exit_code(done, arguments)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    add_flags(parser, k, positional={"what": "IMAGE|FILE|KEY"})
-    add_json_flag(parser)
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Run the command; returns the exit code."""
-    from calibrary.cli.console import errors, plain
-
-    found = call(k, arguments)
-    if arguments.json:
-        print_json(found)
-    else:
-        rows = found.intrinsics.rows
-        sys.stdout.write("".join("{} {} {}\n".format(*row) for row in rows))
-    named = "" if found.calibration is not None else "a seed, no K: "
-    errors().say(plain(f"calibrary: {named}{found.why}"))
-    return 0 if found.is_usable else EXIT_NOT_TO_USE
+COMMAND = _K(k, DESCRIPTION, EXAMPLES, positional={"what": "IMAGE|FILE|KEY"}, exits={"is_usable": 1})

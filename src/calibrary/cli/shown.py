@@ -1,153 +1,156 @@
-"""What a result shows, in a terminal: the same columns, words and order as on its page, without the plots.
+"""A command as a declaration over a job: its flags are the job's parameters, what it shows is the job's result.
 
-What is not the answer itself, and what a page folds, is shown where all is asked for. The verdict comes last, nearest
-to the prompt.
+>>> COMMAND = Shown(check, DESCRIPTION, EXAMPLES, doing="checking", exits={"is_right": 1})
+
+The module of a command has one ``COMMAND``. What differs is a subclass with a method of its own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from typing import Final
+import argparse
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final
 
-from rich.text import Text
-
-from calibrary.cli.console import Screen, plain, printable
-from calibrary.cli.tables import Column, facts, fitted
-from calibrary.view import (
-    SENTENCE,
-    Badge,
-    Block,
-    Bullets,
-    Cell,
-    Code,
-    Details,
-    KeyValues,
-    Note,
-    Section,
-    SideBySide,
-    Table,
-    Tone,
-    View,
-    text_of,
+from calibrary.cli.commands import (
+    Command,
+    Parser,
+    add_commands,
+    add_json_flag,
+    add_output_flags,
+    add_table_flag,
+    check_table_flag,
+    print_json,
+    write_table,
 )
+from calibrary.cli.flags import add_flags, call
 
-STYLES: Final = {
-    Tone.GOOD: "bold green",
-    Tone.CAUTION: "bold yellow",
-    Tone.BAD: "bold red",
-    Tone.NEUTRAL: "bold",
-}
-INDENT: Final = 2
-WIDEST: Final = 110
-"""Widest line; longer lines of text are hard to read."""
-MOST_ITEMS: Final = 12
-"""Most items of a list of sentences."""
+if TYPE_CHECKING:
+    from calibrary.jobs.tables.rows import Table
 
 
-def show(screen: Screen, view: View, *, whole: bool = False) -> None:
-    """Show a view, the answer last.
+class Shown:
+    """A command that calls its job and shows the result: as its view, a JSON document, a table.
 
     Args:
-        screen: of the results.
-        view: what is to be shown.
-        whole: also what is not the answer itself, and what a page folds.
+        job: the function; of a command of the registry, a method of the registry.
+        description: first paragraph of the help text.
+        examples: its last.
+        run: what the command does, where that is another thing than one call and one view; gives the exit code.
+        said: lines that are printed in place of a view.
+        doing: what the progress bar says; None for a job that takes no time.
+        exits: what is asked of the result, and the exit code if it is not so; the first that is not decides.
+        json: whether there is ``--json``.
+        table: what a row of ``--table`` is, and the function that makes the table.
+        told: package of the function that describes the result, if the result's record stands in another.
+        switches: further flags without a value, with their help.
+        kind: class of the parser.
+        flags: as for :func:`~calibrary.cli.flags.add_flags`.
     """
-    if screen.quiet:
-        return
-    shown = _Shown(screen, whole=whole)
-    for number, section in enumerate(one for one in view.sections if one.printed or whole):
-        if number:
-            shown.heading(section, 0)
-        shown.blocks(section.blocks, 0)
-    if view.sections:
-        screen.say("")
-    screen.say(plain(view.lead), style=STYLES[view.badge.tone] if view.badge is not None else "bold")
+
+    def __init__(  # noqa: PLR0913  one for each thing in which commands differ
+        self,
+        job: Callable[..., Any],
+        description: str,
+        examples: str,
+        *,
+        run: Callable[[argparse.Namespace], int] | None = None,
+        said: Callable[[Any, argparse.Namespace], Iterable[str]] | None = None,
+        doing: str | None = None,
+        exits: Mapping[str, int] | None = None,
+        json: bool = True,
+        table: tuple[str, Callable[[Any], Table]] | None = None,
+        told: str | None = None,
+        switches: Mapping[str, str] | None = None,
+        kind: type[Parser] = Parser,
+        **flags: Any,
+    ) -> None:
+        self.job: Final = job
+        self._texts: Final = {"description": description, "epilog": examples}
+        self._by_hand, self._said, self._doing = run, said, doing
+        self._exits, self._told = exits or {}, told
+        self._json, self._table, self._switches = json, table, switches or {}
+        self._kind, self._flags = kind, flags
+
+    def parser(self, prog: str) -> argparse.ArgumentParser:
+        """Make the parser of the command."""
+        parser = self._kind(prog=prog, **self._texts)
+        self.add_arguments(parser)
+        add_output_flags(parser)
+        parser.set_defaults(run=self.run, parser=parser)
+        return parser
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declare the command's arguments."""
+        add_flags(parser, self.job, **self._flags)
+        for names, text in self._switches.items():
+            parser.add_argument(*names.split(), action="store_true", help=text)
+        if self._json:
+            add_json_flag(parser)
+        if self._table is not None:
+            add_table_flag(parser, self._table[0])
+
+    def run(self, arguments: argparse.Namespace) -> int:
+        """Run the command; returns the exit code."""
+        self.check(arguments)
+        if self._by_hand is not None:
+            return self._by_hand(arguments)
+        done = self.done(arguments)
+        if self._table is not None:
+            write_table(arguments.table, partial(self._table[1], done))
+        if self._json and arguments.json:
+            self.print_document(done, arguments)
+        else:
+            self.show(done, arguments)
+        return self.exit_code(done, arguments)
+
+    def check(self, arguments: argparse.Namespace) -> None:
+        """End with a usage error, before any work, if the flags contradict one another."""
+        if self._table is not None:
+            check_table_flag(arguments)
+
+    def done(self, arguments: argparse.Namespace, job: Callable[..., Any] | None = None) -> Any:
+        """Call the job, with a progress bar if it takes time; returns its result."""
+        job = job or self.job
+        if self._doing is None:
+            return call(job, arguments)
+        from calibrary.cli.console import note
+        from calibrary.cli.progress import Bar
+
+        with Bar(note(arguments), self._doing) as bar:
+            return call(job, arguments, progress=bar)
+
+    def print_document(self, done: Any, arguments: argparse.Namespace) -> None:  # noqa: ARG002  for subclasses
+        """Print the result as JSON."""
+        print_json(done)
+
+    def show(self, done: Any, arguments: argparse.Namespace, **how: Any) -> None:
+        """Show the view of the result; ``how`` goes to the function that makes it."""
+        from calibrary.cli.console import out, plain
+
+        if self._said is not None:
+            for line in self._said(done, arguments):
+                out(arguments).say(plain(line))
+            return
+        from calibrary.cli.terminal import show
+        from calibrary.view import view_of
+
+        view = view_of(done, self._told, **how)
+        show(out(arguments), view, whole=getattr(arguments, "explain", False))
+
+    def exit_code(self, done: Any, arguments: argparse.Namespace) -> int:  # noqa: ARG002  for subclasses
+        """The exit code that follows from the result."""
+        return next((code for name, code in self._exits.items() if not getattr(done, name)), 0)
 
 
-class _Shown:
-    """A view on a screen; arguments as of :func:`show`."""
+class Group:
+    """A command that groups others."""
 
-    def __init__(self, screen: Screen, *, whole: bool) -> None:
-        self._screen, self._whole = screen, whole
+    def __init__(self, description: str, examples: str, commands: Sequence[Command]) -> None:
+        self._texts, self._commands = {"description": description, "epilog": examples}, commands
 
-    def heading(self, section: Section, indent: int) -> None:
-        """Show the heading of a section."""
-        badge = f"  {_cell(section.badge)}" if section.badge is not None else ""
-        self._screen.say("")
-        self._screen.say(f"[bold]{plain(section.title)}[/]{badge}", indent=indent)
-
-    def blocks(self, blocks: Iterable[Block], indent: int) -> None:
-        """Show blocks; a browser alone shows plots and forms, and follows links."""
-        for block in blocks:
-            match block:
-                case SideBySide():
-                    self.blocks(block.blocks, indent)
-                case Section() if block.printed or self._whole:
-                    self.heading(block, indent)
-                    self.blocks(block.blocks, indent + INDENT)
-                case Details() if self._whole:
-                    self._screen.say(f"[dim]{plain(block.summary)}[/]", indent=indent)
-                    self.blocks(block.blocks, indent + INDENT)
-                case str() | Badge() | Note() | Bullets():
-                    for line in _sentences(block):
-                        self._screen.say(line, indent=indent)
-                case Table() | KeyValues() | Code():
-                    self._lines(block, indent)
-                case _:
-                    pass
-
-    def _lines(self, block: Table | KeyValues | Code, indent: int) -> None:
-        screen, width = self._screen, self._screen.at_most(WIDEST) - indent
-        match block:
-            case Table():
-                if self._whole:
-                    screen.say(f"[dim]{plain(block.caption)}[/]", indent=indent)
-                screen.show(_table(block, width), indent=indent)
-            case KeyValues():
-                rows = [(name, printable(text_of(cell))) for name, cell in block.items]
-                screen.show(facts(rows, width), indent=indent)
-            case Code():
-                for line in block.text.splitlines():
-                    screen.verbatim(f"{' ' * (indent + INDENT)}{printable(line)}", style="dim")
-
-
-def _sentences(block: str | Badge | Note | Bullets) -> Iterator[str]:
-    """The lines of a block in rich's markup."""
-    match block:
-        case Note():
-            yield f"[{STYLES[block.tone].removeprefix('bold ')}]{plain(block.text)}[/]"
-            if block.action is not None:
-                yield f"[bold]→ {plain(block.action)}[/]"
-        case Bullets():
-            yield from (f"- {_cell(item)}" for item in block.items[:MOST_ITEMS])
-            if (more := len(block.items) - MOST_ITEMS) > 0:
-                yield f"- … and {more} more"
-        case _:
-            yield _cell(block)
-
-
-def _table(table: Table, width: int) -> list[Text]:
-    columns = [
-        Column(
-            name=one.title,
-            rank=one.rank,
-            wraps=not one.numeric and any(len(text_of(row[at])) > SENTENCE for row in table.rows),
-            right=one.numeric,
-            below=one.below is not None,
-        )
-        for at, one in enumerate(table.columns)
-    ]
-    rows = [
-        [
-            f"{one.below}{_cell(cell)}" if one.below and cell else _cell(cell)
-            for one, cell in zip(table.columns, row, strict=True)
-        ]
-        for row in table.rows
-    ]
-    return fitted(columns, rows, width)
-
-
-def _cell(cell: Cell) -> str:
-    if isinstance(cell, Badge):
-        return f"[{STYLES[cell.tone]}]{plain(cell.text)}[/]"
-    return plain(text_of(cell))
+    def parser(self, prog: str) -> argparse.ArgumentParser:
+        """Make the parser of the group."""
+        parser = Parser(prog=prog, **self._texts)
+        add_commands(parser, self._commands, title="commands")
+        return parser

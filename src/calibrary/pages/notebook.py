@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from html import escape
-from importlib import import_module
 
 from calibrary.interop.notebook import html_rows, html_table
 from calibrary.pages.wording import visible
-from calibrary.view import Block, Bullets, KeyValues, Note, Section, SideBySide, Table, View, text_of
+from calibrary.view import Block, Bullets, KeyValues, Note, Section, SideBySide, Table, text_of, view_of
 
 
 def in_notebook(result: object) -> str:
-    """The answer of a result as HTML: what a terminal shows; ``told`` stands in the package of the result's record."""
-    package = type(result).__module__.rpartition(".")[0]
-    view: View = import_module(f"{package}.told").told(result)
+    """The answer of a result as HTML: what a terminal shows."""
+    view = view_of(result)
     parts = [part for one in view.sections if one.printed for part in _blocks(one.blocks)]
     return "".join((f"<p><b>{_text(view.lead)}</b></p>", *parts))
 

@@ -304,17 +304,16 @@ def test_the_entries_of_one_body_are_told_apart_by_lens(
 
 
 def test_the_remedy_of_a_validity_that_is_over_can_be_done(
-    desk: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    desk: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     flags = ("--valid-from", "2020-01-01", "--valid-until", "2021-01-01", "--reason", "only that year")
     add(desk / "used.xml", "--approve", "--date", TODAY, *flags)
     [finding] = heard(capsys).document["findings"]
     assert (finding["rule"], finding["severity"]) == ("expired in use", "error")
-    command = finding["remedy"].partition("in the registry's folder: calibrary ")[2].split()
-    monkeypatch.chdir(desk / "fleet")
-    command[-1] = "2099-12-31"
-    assert main([*command, "--approve", "--reason", "K is the same", "--yes"]) == 0
-    monkeypatch.chdir(desk)
+    asked = finding["remedy"].partition("the same: calibrary ")[2].replace("YYYY-MM-DD", "2099-12-31")
+    change, approve = (one.split() for one in asked.split(", then calibrary "))
+    assert main([*change, "--yes"]) == 0
+    assert main([*approve, "--reason", "K is the same", "--yes"]) == 0
     assert heard(capsys).verdict == "clean"
 
 

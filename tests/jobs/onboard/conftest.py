@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from calibrary.jobs.onboard import page
+from calibrary.jobs.calibrate import page_plots
+from calibrary.jobs.onboard import told
 from calibrary.view import Figure
 from tests.cli.registry.conftest import begun, fleet, nobodys_git
 
@@ -19,9 +20,9 @@ def undrawn(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
     if "drawn" in request.fixturenames:
         return
     figure = Figure(svg=UNDRAWN, alt="undrawn", caption="undrawn")
-    monkeypatch.setattr(page, "intervals", lambda *_, **__: figure)
-    monkeypatch.setattr(page, "radial_curve", lambda *_, **__: figure)
-    monkeypatch.setattr(page, "distortion_map", lambda *_, **__: (figure, figure))
+    monkeypatch.setattr(told, "intervals", lambda *_, **__: figure)
+    monkeypatch.setattr(page_plots, "radial_curve", lambda *_, **__: figure)
+    monkeypatch.setattr(page_plots, "distortion_map", lambda *_, **__: (figure, figure))
 
 
 @pytest.fixture

@@ -18,9 +18,9 @@ from calibrary.errors import InputError, UsageError
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.convert import convert
 from calibrary.jobs.onboard import onboard as job
-from calibrary.jobs.onboard.page import ROLES
 from calibrary.jobs.onboard.payload import Payload, with_frames
 from calibrary.jobs.onboard.report import Agreement, Decision, OnboardReport
+from calibrary.jobs.onboard.told import ROLES
 from calibrary.parsers.files import sha256_of
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.registry import Registry
@@ -183,7 +183,7 @@ def test_units_of_one_model_are_told_apart(
     for serial in ("0V2LG3H0", "0V2LG3H1"):
         phantom(tmp_path / "payload" / serial, body_serial=serial)
     _, out, _ = onboard(capsys, tmp_path / "payload", *UNIT, "--yes")
-    named = re.findall(r"(?m)^(?:draft proposed|refused): (.*)$", out)
+    named = re.findall(r"(?m)^(.*)  (?:ready, not written|refused)$", out)
     assert len(set(named)) == len(named) == 2, out
     assert all(", unit " in one for one in named)
     assert fleet.exists()
@@ -331,7 +331,7 @@ def test_a_sensor_that_nobody_stated_gives_no_k(
     picture(tmp_path / "flight" / "a.jpg", make="Example", model="Two", focal_mm=(132, 10))
     code, out, _ = onboard(capsys, tmp_path / "flight", "--yes")
     assert (code, branches(fleet)) == (1, ["main"])
-    assert "its sensor size is not stated" in out
+    assert "Its sensor size is not stated" in out
 
 
 def test_a_k_that_breaks_the_policy_is_refused(
@@ -377,7 +377,7 @@ def test_one_refused_camera_keeps_all_from_being_written(
     phantom(payload / "other", dewarp=None, focal_mm=(44, 10))
     code, out, err = onboard(capsys, payload, *UNIT, "--yes")
     assert (code, branches(fleet)) == (1, ["main"])
-    assert "ready, not written: " in out + err
+    assert "ready, not written" in out + err
     assert "draft proposed" not in out + err
 
 

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import argparse
 from typing import Any
 
-from calibrary.cli.calibrate.keeping import add_keeping_flags, check_keeping
-from calibrary.cli.commands import Command, Commands, Parser, add_json_flag
-from calibrary.cli.flags import add_flags, call
-from calibrary.cli.progress import Bar
+from calibrary.cli.calibrate.keeping import Kept
+from calibrary.cli.commands import Command, Commands, Parser
 from calibrary.jobs.calibrate import calibrate
-
-__all__ = ["DESCRIPTION", "EXAMPLES", "PARSER", "add_arguments", "run"]
 
 WORDS = (
     Command("board", "write a board as PDF or SVG, true to the millimetre", f"{__name__}.board"),
@@ -69,36 +64,22 @@ class _CalibrateParser(Parser):
         return super().parse_known_args(args, namespace)
 
 
-PARSER = _CalibrateParser
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of a calibration from frames."""
-    add_flags(
-        parser,
-        calibrate,
-        positional={"frames": "FRAMES"},
-        spelled={"corners": "--from", "keep_corners": "--corners"},
-        without=("tool",),
-        groups={
-            "the board": ("board", "square_mm", "marker_mm"),
-            "in place of frames": ("corners", "points", "pixel_origin"),
-            "how to solve": ("lens_model", "flat", "seed_k", "focus", "workers"),
-            "what is written": ("html", "out", "to", "keep_corners"),
-            "the registry": ("registry", "as_"),
-        },
-    )
-    add_keeping_flags(parser)
-    parser.add_argument("--correlations", action="store_true", help="also show correlated parameters")
-    add_json_flag(parser)
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Run the command; returns the exit code."""
-    from calibrary.cli.calibrate.display import finish
-    from calibrary.cli.console import note
-
-    check_keeping(arguments)
-    with Bar(note(arguments), "finding the board in") as bar:
-        report = call(calibrate, arguments, progress=bar)
-    return finish(arguments, report)
+COMMAND = Kept(
+    calibrate,
+    DESCRIPTION,
+    EXAMPLES,
+    doing="finding the board in",
+    made=lambda report: [report.entry],
+    positional={"frames": "FRAMES"},
+    spelled={"corners": "--from", "keep_corners": "--corners"},
+    without=("tool",),
+    groups={
+        "the board": ("board", "square_mm", "marker_mm"),
+        "in place of frames": ("corners", "points", "pixel_origin"),
+        "how to solve": ("lens_model", "flat", "seed_k", "focus", "workers"),
+        "what is written": ("html", "out", "to", "keep_corners"),
+        "the registry": ("registry", "as_"),
+    },
+    switches={"--correlations": "also show correlated parameters"},
+    kind=_CalibrateParser,
+)

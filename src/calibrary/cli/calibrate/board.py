@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from typing import Any
 
-from calibrary.cli.flags import add_flags, call
+from calibrary.cli.shown import Shown
 from calibrary.jobs.calibrate import write_board
 
 DESCRIPTION = """\
@@ -25,20 +26,12 @@ focal length by more than a tenth of a per cent.
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    add_flags(parser, write_board, positional={"board": "BOARD"})
+def _said(done: tuple[Any, Any], arguments: argparse.Namespace) -> list[str]:
+    board, page = done
+    return [
+        f"wrote {arguments.out}: {board.described} squares on {page.width_mm:g}×{page.height_mm:g} mm",
+        f"print at 100 % and check that the ruler measures {page.ruler_mm:g} mm",
+    ]
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Run the command: write the board; returns the exit code."""
-    from calibrary.cli.console import out, plain
-
-    board, page = call(write_board, arguments)
-    screen = out(arguments)
-    screen.say(
-        f"wrote {plain(str(arguments.out))}: {plain(board.described)} squares on "
-        f"{page.width_mm:g}×{page.height_mm:g} mm"
-    )
-    screen.say(f"print at 100 % and check that the ruler measures {page.ruler_mm:g} mm")
-    return 0
+COMMAND = Shown(write_board, DESCRIPTION, EXAMPLES, positional={"board": "BOARD"}, said=_said, json=False)

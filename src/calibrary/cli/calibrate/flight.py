@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-import argparse
-
-from calibrary.cli.calibrate.keeping import add_keeping_flags, check_keeping
-from calibrary.cli.commands import add_json_flag
-from calibrary.cli.flags import add_flags, call
-from calibrary.cli.progress import Bar
+from calibrary.cli.calibrate.keeping import Kept
 from calibrary.jobs.calibrate_flight import calibrate_flight
 
 DESCRIPTION = """\
@@ -43,34 +38,22 @@ unreadable input
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    add_flags(
-        parser,
-        calibrate_flight,
-        positional={"images": "DIR"},
-        spelled={"most": "--images", "result_of": "--from", "camera_number": "--camera"},
-        exclusive=(("start", "from_registry"),),
-        without=("tool",),
-        groups={
-            "a finished reconstruction": ("result_of", "camera_number"),
-            "where the search begins": ("start", "from_registry"),
-            "how to solve": ("lens_model", "max_side_px", "focus"),
-            "what is written": ("html", "out", "to"),
-            "the registry": ("registry", "as_"),
-        },
-    )
-    add_keeping_flags(parser)
-    parser.add_argument("--correlations", action="store_true", help="also show correlated parameters")
-    add_json_flag(parser)
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Run the command; returns the exit code."""
-    from calibrary.cli.calibrate.display import finish
-    from calibrary.cli.console import note
-
-    check_keeping(arguments)
-    with Bar(note(arguments), "flight:") as bar:
-        report = call(calibrate_flight, arguments, progress=bar)
-    return finish(arguments, report)
+COMMAND = Kept(
+    calibrate_flight,
+    DESCRIPTION,
+    EXAMPLES,
+    doing="flight:",
+    made=lambda report: [report.entry],
+    positional={"images": "DIR"},
+    spelled={"most": "--images", "result_of": "--from", "camera_number": "--camera"},
+    exclusive=(("start", "from_registry"),),
+    without=("tool",),
+    groups={
+        "a finished reconstruction": ("result_of", "camera_number"),
+        "where the search begins": ("start", "from_registry"),
+        "how to solve": ("lens_model", "max_side_px", "focus"),
+        "what is written": ("html", "out", "to"),
+        "the registry": ("registry", "as_"),
+    },
+    switches={"--correlations": "also show correlated parameters"},
+)

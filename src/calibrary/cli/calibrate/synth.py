@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from typing import Any
 
-from calibrary.cli.flags import add_flags, call
-from calibrary.cli.progress import Bar
+from calibrary.cli.shown import Shown
 from calibrary.jobs.synth import render_frames
 
 DESCRIPTION = """\
@@ -20,26 +20,21 @@ examples:
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    add_flags(
-        parser,
-        render_frames,
-        positional={"out": "OUT"},
-        exclusive=(("camera", "calibration"),),
-    )
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Run the command: render and write the frames; returns the exit code."""
-    from calibrary.cli.console import note, out, plain
-
-    with Bar(note(arguments), "rendering") as bar:
-        truth = call(render_frames, arguments, progress=bar)
+def _said(truth: Any, arguments: argparse.Namespace) -> list[str]:
     calibration, K = truth.calibration, truth.calibration.intrinsics
-    out(arguments).say(
-        f"wrote {len(truth.poses)} frames of {K.image_size[0]}×{K.image_size[1]} px by "
-        f"{plain(str(calibration.camera))} to {plain(str(arguments.out))}, and K (fx {K.fx:.2f} px) with everything "
-        "else that is true in truth.json"
-    )
-    return 0
+    return [
+        f"wrote {len(truth.poses)} frames of {K.image_size[0]}×{K.image_size[1]} px by {calibration.camera} to "
+        f"{arguments.out}, and K (fx {K.fx:.2f} px) with everything else that is true in truth.json"
+    ]
+
+
+COMMAND = Shown(
+    render_frames,
+    DESCRIPTION,
+    EXAMPLES,
+    positional={"out": "OUT"},
+    exclusive=(("camera", "calibration"),),
+    doing="rendering",
+    said=_said,
+    json=False,
+)

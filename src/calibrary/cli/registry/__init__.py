@@ -4,26 +4,15 @@ from __future__ import annotations
 
 import argparse
 import shlex
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from calibrary.cli.commands import Command, add_commands
+from calibrary.cli.commands import Command
 from calibrary.cli.flags import add_flags, call
+from calibrary.cli.shown import Group, Shown
 from calibrary.jobs.fleet import Fleet
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-__all__ = [
-    "DESCRIPTION",
-    "EXAMPLES",
-    "add_arguments",
-    "add_registry_flag",
-    "entries",
-    "note_cut",
-    "note_waiting",
-    "opened",
-    "where",
-]
+    from collections.abc import Callable, Iterable
 
 LISTED = (
     ("init", "create a registry, or copy one"),
@@ -64,15 +53,45 @@ exit codes: 0 good; 1 something is wrong with an entry; 2 usage; 3 an input cann
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the registry's subcommands."""
-    commands = [Command(name, text, f"{__name__}.{MODULES.get(name, name)}") for name, text in LISTED]
-    add_commands(parser, commands, title="commands")
+COMMAND = Group(
+    DESCRIPTION,
+    EXAMPLES,
+    [Command(name, text, f"{__name__}.{MODULES.get(name, name)}") for name, text in LISTED],
+)
 
 
-def add_registry_flag(parser: argparse.ArgumentParser, *, at: bool = False) -> None:
-    """Add ``--registry``, and ``--at`` for a command that reads an earlier state."""
-    add_flags(parser, Fleet.named, without=() if at else ("at",))
+class OfRegistry(Shown):
+    """A command that calls a method of the selected registry.
+
+    Args:
+        at: whether an earlier state may be selected.
+        used: the paths of the entries that a result uses; that others wait for approval in their place is noted.
+    """
+
+    def __init__(
+        self,
+        *declared: Any,
+        at: bool = False,
+        used: Callable[[Any], Iterable[str]] | None = None,
+        **more: Any,
+    ) -> None:
+        super().__init__(*declared, **more)
+        self._at, self._used = at, used
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declare the command's arguments, with ``--registry``, and ``--at`` for an earlier state."""
+        super().add_arguments(parser)
+        add_flags(parser, Fleet.named, without=() if self._at else ("at",))
+
+    def done(self, arguments: argparse.Namespace, job: Callable[..., Any] | None = None) -> Any:
+        """Call the method of the selected registry."""
+        fleet = opened(arguments)
+        done = super().done(arguments, job or getattr(fleet, self.job.__name__))
+        if self._used is not None and (sentence := fleet.waiting(self._used(done))) is not None:
+            from calibrary.cli.console import note, plain
+
+            note(arguments).say(f"[yellow]note[/] {plain(sentence)}")
+        return done
 
 
 def where(arguments: argparse.Namespace) -> str:
@@ -100,11 +119,3 @@ def note_cut(arguments: argparse.Namespace, registry: Fleet) -> None:
 
     if registry.cut is not None:
         note(arguments).say(plain(registry.cut))
-
-
-def note_waiting(arguments: argparse.Namespace, registry: Fleet, paths: Iterable[str]) -> None:
-    """Report on standard error which of the given entries have another K that waits for approval."""
-    from calibrary.cli.console import note, plain
-
-    if (sentence := registry.waiting(paths)) is not None:
-        note(arguments).say(f"[yellow]note[/] {plain(sentence)}")

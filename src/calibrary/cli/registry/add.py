@@ -6,11 +6,10 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calibrary.cli.commands import add_json_flag
-from calibrary.cli.flags import add_flags, call
+from calibrary.cli.flags import call
 from calibrary.cli.progress import Bar
-from calibrary.cli.registry import add_registry_flag, where
-from calibrary.cli.registry.changes import add_yes_flag, agreed, decide
+from calibrary.cli.registry import OfRegistry, where
+from calibrary.cli.registry.changes import YES, agreed, decide
 from calibrary.jobs.fleet import Fleet
 
 if TYPE_CHECKING:
@@ -39,19 +38,6 @@ An entry that has changed since it was shown is not overwritten (exit code 4).
 Of a folder, a file that cannot be added is reported and does not stop the others (exit code 3: there were files, and
 none could be added). A second run changes nothing. ./catalogue is a file or folder of that name.
 """
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    add_flags(
-        parser,
-        Fleet.propose,
-        positional={"source": "FILE|DIR|catalogue"},
-        spelled={"notes": "--note", "tags": "--tag"},
-    )
-    add_registry_flag(parser)
-    add_yes_flag(parser)
-    add_json_flag(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -97,3 +83,14 @@ def _next(arguments: argparse.Namespace, change: ProposedChange) -> str:
     more = " …" if len(due) > 3 else ""
     command = f"calibrary registry approve {named}{branch}{where(arguments)} {digests}{more}"
     return f"a proposal is not used yet; next: {command}"
+
+
+COMMAND = OfRegistry(
+    Fleet.propose,
+    DESCRIPTION,
+    EXAMPLES,
+    run=run,
+    positional={"source": "FILE|DIR|catalogue"},
+    spelled={"notes": "--note", "tags": "--tag"},
+    switches=YES,
+)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from calibrary.cli.commands import add_json_flag, print_json
-from calibrary.cli.flags import add_flags, call
-from calibrary.cli.registry import add_registry_flag, opened, where
-from calibrary.cli.registry.changes import add_yes_flag, agreed, can_ask, decide, screen_of_change
+from calibrary.cli.commands import print_json
+from calibrary.cli.flags import call
+from calibrary.cli.registry import OfRegistry, opened, where
+from calibrary.cli.registry.changes import agreed, can_ask, decide, screen_of_change
 from calibrary.jobs.fleet import Fleet
 
 if TYPE_CHECKING:
@@ -29,20 +29,6 @@ An approval is bound to the content that you reviewed. Without a digest or commi
 asks on a terminal, and refuses elsewhere; --yes approves what it shows. A K that contradicts what is known of the
 camera needs --force and a --reason, and stays marked.
 """
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    add_flags(
-        parser,
-        Fleet.propose_approval,
-        positional={"keys": "KEY"},
-        spelled={"source": "--from", "digests": "--digest"},
-        without=("approve", "branch"),
-    )
-    add_yes_flag(parser, "approve what is proposed now, without asking")
-    add_registry_flag(parser)
-    add_json_flag(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -101,3 +87,15 @@ def _is_agreed(arguments: argparse.Namespace, change: ProposedChange) -> bool:
             f"approve {' '.join(one.entry.id for one in pending)}{branch}{where(arguments)} {digests}"
         )
     return agreed(arguments, f"Approve {names}?")
+
+
+COMMAND = OfRegistry(
+    Fleet.propose_approval,
+    DESCRIPTION,
+    EXAMPLES,
+    run=run,
+    positional={"keys": "KEY"},
+    spelled={"source": "--from", "digests": "--digest"},
+    without=("approve", "branch"),
+    switches={"--yes -y": "approve what is proposed now, without asking"},
+)

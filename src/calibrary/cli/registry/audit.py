@@ -4,19 +4,14 @@ from __future__ import annotations
 
 import argparse
 from importlib.util import find_spec
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from calibrary.cli.commands import add_json_flag, add_table_flag, check_table_flag, print_json, write_table
-from calibrary.cli.flags import add_flags, call
-from calibrary.cli.progress import Bar
-from calibrary.cli.registry import add_registry_flag, opened, where
+from calibrary.cli.registry import OfRegistry, where
 from calibrary.jobs.fleet import Fleet
+from calibrary.jobs.tables import flown
 
 if TYPE_CHECKING:
     from calibrary.jobs.audit.report import AuditReport
-    from calibrary.jobs.tables.rows import Table
-
-EXIT_FINDINGS = 1
 
 DESCRIPTION = (
     "Compare the registry with images of recent flights: find cameras without an entry, entries that the "
@@ -36,42 +31,29 @@ everything could be compared; 3: a folder cannot be read; 4: the registry.
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    add_flags(parser, Fleet.audit, positional={"folders": "IMAGES_DIR"})
-    add_registry_flag(parser)
-    parser.add_argument(
-        "--explain", action="store_true", help="show every finding of each unit, and every flight"
-    )
-    add_json_flag(parser)
-    add_table_flag(parser, "what flew")
+class _Audit(OfRegistry):
+    def check(self, arguments: argparse.Namespace) -> None:
+        from calibrary.cli.console import note
+
+        super().check(arguments)
+        # Without pycolmap the audit ends with one line that names the extra, and must announce nothing before it.
+        if arguments.verify and find_spec("pycolmap") is not None:
+            note(arguments).say(
+                "[dim]--verify: one flight of each unit and date, a dozen images and about a minute each, "
+                f"at most {arguments.verify_minutes or 15:g} min[/]"
+            )
+
+    def show(self, done: AuditReport, arguments: argparse.Namespace, **_: Any) -> None:
+        super().show(done, arguments, registry=where(arguments))
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Run the command; returns the exit code."""
-    from calibrary.cli.console import note, out
-
-    check_table_flag(arguments)
-    # Without pycolmap the audit ends with one line that names the extra, and must announce nothing before it.
-    if arguments.verify and find_spec("pycolmap") is not None:
-        note(arguments).say(
-            "[dim]--verify: one flight of each unit and date, a dozen images and about a minute each, "
-            f"at most {arguments.verify_minutes or 15:g} min[/]"
-        )
-    with Bar(note(arguments), "reading") as bar:
-        done = call(opened(arguments).audit, arguments, progress=bar)
-    write_table(arguments.table, lambda: _as_table(done))
-    if arguments.json:
-        print_json(done)
-    else:
-        from calibrary.cli.shown import show
-        from calibrary.jobs.audit.told import told
-
-        show(out(arguments), told(done, registry=where(arguments)), whole=arguments.explain)
-    return 0 if done.is_clean else EXIT_FINDINGS
-
-
-def _as_table(done: AuditReport) -> Table:
-    from calibrary.jobs.tables.rows import audit_table
-
-    return audit_table(done)
+COMMAND = _Audit(
+    Fleet.audit,
+    DESCRIPTION,
+    EXAMPLES,
+    positional={"folders": "IMAGES_DIR"},
+    doing="reading",
+    exits={"is_clean": 1},
+    table=("what flew", flown),
+    switches={"--explain": "show every finding of each unit, and every flight"},
+)

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 EXIT_REFUSED = 1
 EXIT_INPUT = 3
+YES = {"--yes -y": "write without asking"}
+"""The flag of a command that asks."""
 FATES = {"new": "green", "changed": "yellow", "same": "dim", "left": "dim", "failed": "bold red"}
 
 
@@ -101,11 +103,6 @@ def _write(screen: Screen, change: ProposedChange, verb: str) -> None:
     if not written.paths:  # further approvals are to come: the commit changes no file
         verb = f"{verb}, with others to follow,"
     show_written(screen, change.report, verb, len(change.proposals.due))
-
-
-def add_yes_flag(parser: argparse.ArgumentParser, means: str = "write without asking") -> None:
-    """Add ``--yes``."""
-    parser.add_argument("--yes", "-y", action="store_true", help=means)
 
 
 def can_ask() -> bool:

@@ -6,8 +6,9 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calibrary.cli.commands import add_json_flag, print_json
-from calibrary.cli.flags import add_flags, call
+from calibrary.cli.commands import print_json
+from calibrary.cli.flags import call
+from calibrary.cli.shown import Shown
 from calibrary.jobs.fleet import create_registry
 
 if TYPE_CHECKING:
@@ -24,12 +25,6 @@ The command makes a git repository with registry.yaml, README.md, .gitattributes
 editors, and a workflow and a pre-commit hook that run 'calibrary registry check'. It uses a repository without a
 commit, and does not change one with commits.
 """
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    add_flags(parser, create_registry, positional={"path": "PATH"})
-    add_json_flag(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -59,3 +54,6 @@ def _said(made: InitReport) -> list[str]:
     if made.outer is not None:
         lines.append(f"it lies in another repository, {made.outer}, whose .gitignore should name it")
     return lines
+
+
+COMMAND = Shown(create_registry, DESCRIPTION, EXAMPLES, run=run, positional={"path": "PATH"})

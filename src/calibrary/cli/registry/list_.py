@@ -6,23 +6,16 @@ import argparse
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from calibrary.cli.commands import (
-    Parser,
-    add_json_flag,
-    add_table_flag,
-    check_table_flag,
-    print_json,
-    write_table,
-)
-from calibrary.cli.flags import add_flags, call
-from calibrary.cli.registry import add_registry_flag, opened
+from calibrary.cli.commands import Parser, check_table_flag, print_json, write_table
+from calibrary.cli.flags import call
+from calibrary.cli.registry import OfRegistry, opened
 from calibrary.cli.tables import Column, single_lines
 from calibrary.jobs.fleet import Fleet
+from calibrary.jobs.tables import entries
 
 if TYPE_CHECKING:
     from calibrary.cli.console import Screen
     from calibrary.jobs.fleet import EntryListing
-    from calibrary.jobs.tables.rows import Table
 
 DESCRIPTION = (
     "List the cameras of the fleet, one line for each entry, selected and sorted by any of their fields."
@@ -64,29 +57,13 @@ class _ListParser(Parser):
         return super().parse_known_args(words, namespace)
 
 
-PARSER = _ListParser
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    add_flags(
-        parser,
-        Fleet.listing,
-        positional={"words": "WORD"},
-        spelled={"statuses": "--status", "grades": "--grade"},
-    )
-    add_registry_flag(parser, at=True)
-    add_json_flag(parser)
-    add_table_flag(parser, "the entries")
-
-
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from calibrary.cli.console import errors, note, out, plain
 
     check_table_flag(arguments)
     found = call(opened(arguments).listing, arguments)
-    write_table(arguments.table, lambda: _table(found))
+    write_table(arguments.table, lambda: entries(found))
     if arguments.json:
         print_json(found.to_dict())
     elif found.chosen.rows:
@@ -160,7 +137,14 @@ def _text(value: object) -> str:
     return f"{value:.10g}" if isinstance(value, float) else "" if value is None else str(value)
 
 
-def _table(found: EntryListing) -> Table:
-    from calibrary.jobs.tables import entries
-
-    return entries(found)
+COMMAND = OfRegistry(
+    Fleet.listing,
+    DESCRIPTION,
+    EXAMPLES,
+    run=run,
+    positional={"words": "WORD"},
+    spelled={"statuses": "--status", "grades": "--grade"},
+    kind=_ListParser,
+    at=True,
+    table=("the entries", entries),
+)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from typing import Any
 
-from calibrary.cli.commands import add_json_flag, print_json
-from calibrary.cli.flags import add_flags, call
-from calibrary.cli.registry import add_registry_flag, entries, note_waiting, opened
+from calibrary.cli.registry import OfRegistry, entries
 from calibrary.jobs.fleet import Fleet
 
 DESCRIPTION = "Pin entries as they are now, so that a run can be repeated on the same ones."
@@ -22,25 +21,26 @@ has lost that commit, and a plain folder in which a pinned entry has changed.
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    add_flags(parser, Fleet.lock, positional={"what": "IMAGE_DIR|KEY"})
-    add_registry_flag(parser, at=True)
-    add_json_flag(parser)
+class _Lock(OfRegistry):
+    def exit_code(self, done: Any, arguments: argparse.Namespace) -> int:
+        from calibrary.cli.console import note, plain
+
+        for sentence in done.unanswered:
+            note(arguments).say(f"[yellow]note[/] {plain(sentence)}")
+        return 0
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Run the command; returns the exit code."""
-    from calibrary.cli.console import note, out, plain
-
-    registry = opened(arguments)
-    lock = call(registry.lock, arguments)
-    for sentence in lock.unanswered:
-        note(arguments).say(f"[yellow]note[/] {plain(sentence)}")
-    note_waiting(arguments, registry, [pin.path for pin in lock.pins])
+def _said(lock: Any, arguments: argparse.Namespace) -> list[str]:
     at = f" at {lock.commit[:12]}" if lock.commit is not None else ""
-    file = arguments.out or "calibrary.lock"
-    out(arguments).say(plain(f"{file}: {entries(len(lock.pins))} pinned{at}"))
-    if arguments.json:
-        print_json(lock)
-    return 0
+    return [f"{arguments.out or 'calibrary.lock'}: {entries(len(lock.pins))} pinned{at}"]
+
+
+COMMAND = _Lock(
+    Fleet.lock,
+    DESCRIPTION,
+    EXAMPLES,
+    positional={"what": "IMAGE_DIR|KEY"},
+    at=True,
+    used=lambda lock: [pin.path for pin in lock.pins],
+    said=_said,
+)

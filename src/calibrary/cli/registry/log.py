@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from calibrary.cli.commands import add_json_flag, print_json
-from calibrary.cli.flags import add_flags, call
-from calibrary.cli.registry import add_registry_flag, note_cut, opened
+from calibrary.cli.commands import print_json
+from calibrary.cli.flags import call
+from calibrary.cli.registry import OfRegistry, note_cut, opened
 from calibrary.cli.tables import Column, fitted
 from calibrary.jobs.fleet import Fleet
 
@@ -25,13 +25,6 @@ examples:
   calibrary registry log fc6310r             every revision of an entry, with what changed in K
   calibrary registry log fc6310r -n 5 --json
 """
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    add_flags(parser, Fleet.history, positional={"key": "KEY"}, spelled={"most": ("-n", "--most")})
-    add_registry_flag(parser)
-    add_json_flag(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -125,3 +118,13 @@ def _commit(one: LoggedRevision) -> tuple[str, str, str]:
 def _number(value: float, delta: float | None) -> str:
     text = f"{value:.2f}"
     return f"{text} [dim]({delta:+.2f})[/]" if delta else text
+
+
+COMMAND = OfRegistry(
+    Fleet.history,
+    DESCRIPTION,
+    EXAMPLES,
+    run=run,
+    positional={"key": "KEY"},
+    spelled={"most": ("-n", "--most")},
+)

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from typing import Any
 
-from calibrary.cli.commands import add_json_flag, print_json
-from calibrary.cli.flags import add_flags, call
-from calibrary.cli.progress import Bar
-from calibrary.cli.registry import add_registry_flag, entries, opened
+from calibrary.cli.registry import OfRegistry, entries
 from calibrary.jobs.fleet import Fleet
 
 DESCRIPTION = (
@@ -27,26 +25,15 @@ time. docs/publishing.md explains how to serve and read the files.
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    add_flags(parser, Fleet.publish, positional={"out": "OUT"})
-    add_registry_flag(parser)
-    add_json_flag(parser)
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Run the command; returns the exit code."""
-    from calibrary.cli.console import note, out, plain
-
-    with Bar(note(arguments), "publishing") as bar:
-        done = call(opened(arguments).publish, arguments, progress=bar)
-    if arguments.json:
-        print_json(done)
-        return 0
+def _said(done: Any, arguments: argparse.Namespace) -> list[str]:
     files = "1 camera file" if done.cameras == 1 else f"{done.cameras} camera files"
     signed = f"signed by {done.signed_by}" if done.signed_by is not None else "not signed (--sign KEY)"
-    out(arguments).say(
+    return [
         f"{entries(done.entries)} in {files} of commit {done.commit[:12]}, {signed}; {done.written} files written to "
-        f"{plain(arguments.out)}, {done.removed} removed; valid until {done.valid_until:%Y-%m-%d}: publish again before"
-    )
-    return 0
+        f"{arguments.out}, {done.removed} removed; valid until {done.valid_until:%Y-%m-%d}: publish again before"
+    ]
+
+
+COMMAND = OfRegistry(
+    Fleet.publish, DESCRIPTION, EXAMPLES, positional={"out": "OUT"}, doing="publishing", said=_said
+)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from calibrary.cli.commands import add_json_flag, print_json
-from calibrary.cli.flags import add_flags, call
+from calibrary.cli.commands import print_json
+from calibrary.cli.flags import call
+from calibrary.cli.shown import Shown
 from calibrary.jobs.resolve import resolve
 
 if TYPE_CHECKING:
@@ -37,12 +38,6 @@ tells how the image came from its frame: scaled, or a part of it. Of several reg
 the catalogue comes last. exit code 1: the image contradicts its K, or nothing tells how it came from the frame; every K
 that is possible is shown. exit code 4: none answers, or several fit equally well; they are named.
 """
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    add_flags(parser, resolve, positional={"what": "IMAGE|KEY"}, without=["history"])
-    add_json_flag(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -102,3 +97,8 @@ def _show_none(screen: Screen, found: FleetAnswer) -> None:
     )
     for item in found.near:
         screen.say(plain(f"  near: {item.path}: {item.reason}"))
+
+
+COMMAND = Shown(
+    resolve, DESCRIPTION, EXAMPLES, run=run, positional={"what": "IMAGE|KEY"}, without=["history"]
+)

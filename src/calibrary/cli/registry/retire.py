@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from calibrary.cli.commands import add_json_flag
-from calibrary.cli.flags import add_flags, call
-from calibrary.cli.registry import add_registry_flag, opened
+from calibrary.cli.flags import call
+from calibrary.cli.registry import OfRegistry, opened
 from calibrary.cli.registry.changes import decide
 from calibrary.jobs.fleet import Fleet
 
@@ -19,18 +18,16 @@ examples:
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    add_flags(
-        parser,
-        Fleet.propose_retirement,
-        positional={"keys": "KEY"},
-        spelled={"start": "--from", "digests": "--digest"},
-    )
-    add_registry_flag(parser)
-    add_json_flag(parser)
-
-
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     return decide(arguments, call(opened(arguments).propose_retirement, arguments), "retired")
+
+
+COMMAND = OfRegistry(
+    Fleet.propose_retirement,
+    DESCRIPTION,
+    EXAMPLES,
+    run=run,
+    positional={"keys": "KEY"},
+    spelled={"start": "--from", "digests": "--digest"},
+)

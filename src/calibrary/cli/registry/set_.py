@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from calibrary.cli.commands import Parser, add_json_flag
+from calibrary.cli.commands import Parser
 from calibrary.cli.flags import add_flags, call
-from calibrary.cli.registry import add_registry_flag, entries, opened
-from calibrary.cli.registry.changes import add_yes_flag, agreed, decide
+from calibrary.cli.registry import OfRegistry, entries, opened
+from calibrary.cli.registry.changes import YES, agreed, decide
 from calibrary.cli.registry.list_ import CONDITIONS
 from calibrary.jobs.fleet import Fleet
 
@@ -59,30 +59,6 @@ class _SetParser(Parser):
         return super().parse_known_args(words, namespace)
 
 
-PARSER = _SetParser
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    parser.add_argument(
-        "words",
-        nargs="*",
-        metavar="KEY… FIELD=VALUE +TAG -TAG",
-        help="entries, and what to set, add or remove",
-    )
-    add_flags(
-        parser,
-        Fleet.propose_edit,
-        groups={TABLE: ("table",)},
-        without=("keys", "changes", "force", "branch", "valid_from", "valid_until"),
-    )
-    add_flags(parser, Fleet.write_table, groups={TABLE: ("out",)}, optional=("out",))
-    parser.add_argument("--dry-run", action="store_true", help="show what would change, and write nothing")
-    add_registry_flag(parser)
-    add_yes_flag(parser)
-    add_json_flag(parser)
-
-
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     registry, words = opened(arguments), arguments.words
@@ -117,3 +93,28 @@ def _is_agreed(arguments: argparse.Namespace, change: ProposedChange) -> bool:
     due = change.proposals.due
     what = due[0].entry.id if len(due) == 1 else f"these {len(due)} entries"
     return not arguments.dry_run and agreed(arguments, f"Change {what}?")
+
+
+class _Set(OfRegistry):
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declare the words, and the flags of both jobs."""
+        parser.add_argument(
+            "words",
+            nargs="*",
+            metavar="KEY… FIELD=VALUE +TAG -TAG",
+            help="entries, and what to set, add or remove",
+        )
+        super().add_arguments(parser)
+        add_flags(parser, Fleet.write_table, groups={TABLE: ("out",)}, optional=("out",))
+
+
+COMMAND = _Set(
+    Fleet.propose_edit,
+    DESCRIPTION,
+    EXAMPLES,
+    run=run,
+    kind=_SetParser,
+    groups={TABLE: ("table",)},
+    without=("keys", "changes", "force", "branch", "valid_from", "valid_until"),
+    switches={"--dry-run": "show what would change, and write nothing"} | YES,
+)

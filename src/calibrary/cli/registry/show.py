@@ -7,8 +7,8 @@ import sys
 from typing import TYPE_CHECKING
 
 from calibrary.cli.commands import print_json
-from calibrary.cli.flags import add_flags, call
-from calibrary.cli.registry import add_registry_flag, note_cut, opened
+from calibrary.cli.flags import call
+from calibrary.cli.registry import OfRegistry, note_cut, opened
 from calibrary.jobs.fleet import Fleet
 from calibrary.jobs.resolve import names_image, resolve
 
@@ -35,20 +35,6 @@ examples:
 
 Of an image it tells what 'registry resolve' prints in one line: from the same registries, with the same exit code.
 """
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    add_flags(
-        parser,
-        Fleet.show,
-        positional={"key": "KEY[@REV]|IMAGE"},
-        spelled={"against": "--diff"},
-    )
-    add_registry_flag(parser)
-    form = parser.add_mutually_exclusive_group()
-    form.add_argument("--json", action="store_true", help="print one JSON document on standard output")
-    form.add_argument("--yaml", action="store_true", help="print the file of the entry")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -183,3 +169,23 @@ def _recorded(put: Recorded | None) -> list[tuple[str, str]]:
         return []
     from_file = f", from {put.file}" if put.file is not None else ""
     return [("recorded", f"{put.date:%Y-%m-%d} by {put.by}{from_file}, commit {put.commit[:12]}")]
+
+
+class _Show(OfRegistry):
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declare the flags; the document and the file are printed in place of one another."""
+        super().add_arguments(parser)
+        form = parser.add_mutually_exclusive_group()
+        form.add_argument("--json", action="store_true", help="print one JSON document on standard output")
+        form.add_argument("--yaml", action="store_true", help="print the file of the entry")
+
+
+COMMAND = _Show(
+    Fleet.show,
+    DESCRIPTION,
+    EXAMPLES,
+    run=run,
+    positional={"key": "KEY[@REV]|IMAGE"},
+    spelled={"against": "--diff"},
+    json=False,
+)

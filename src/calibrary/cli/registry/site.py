@@ -5,9 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from calibrary.cli.flags import add_flags, call
-from calibrary.cli.progress import Bar
-from calibrary.cli.registry import add_registry_flag, entries, opened
+from calibrary.cli.registry import OfRegistry, entries
 from calibrary.jobs.fleet import Fleet
 
 if TYPE_CHECKING:
@@ -27,29 +25,19 @@ OUT is replaced as a whole, and only if it is new, empty, or an earlier site. Th
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    add_flags(parser, Fleet.write_site, positional={"out": "OUT"})
-    add_registry_flag(parser)
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Run the command; returns the exit code."""
-    from calibrary.cli.console import note
-
-    with Bar(note(arguments), "making") as bar:
-        site = call(opened(arguments).write_site, arguments, progress=bar)
-    return _show(arguments, site)
-
-
-def _show(arguments: argparse.Namespace, site: Site) -> int:
-    from calibrary.cli.console import errors, out, plain
-
+def _said(site: Site, _: argparse.Namespace) -> list[str]:
     pages = sum(name.endswith(".html") for card in site.cards for name in card.files) + 1
-    out(arguments).say(
-        f"{entries(len(site.cards))} in {pages} pages; open {plain(str(site.root / 'index.html'))}"
-    )
-    broken = [card for card in site.cards if card.page is None]
-    for card in broken:
-        errors().say(f"[red]not shown[/] {plain(card.problem or card.id)}")
-    return 1 if broken else 0
+    broken = [f"not shown {card.problem or card.id}" for card in site.cards if card.page is None]
+    return [*broken, f"{entries(len(site.cards))} in {pages} pages; open {site.root / 'index.html'}"]
+
+
+COMMAND = OfRegistry(
+    Fleet.write_site,
+    DESCRIPTION,
+    EXAMPLES,
+    positional={"out": "OUT"},
+    doing="making",
+    said=_said,
+    exits={"is_whole": 1},
+    json=False,
+)

@@ -6,10 +6,10 @@ import argparse
 from itertools import groupby
 from typing import TYPE_CHECKING
 
-from calibrary.cli.commands import add_json_flag, print_json
-from calibrary.cli.flags import add_flags, call
+from calibrary.cli.commands import print_json
+from calibrary.cli.flags import call
 from calibrary.cli.progress import Bar
-from calibrary.cli.registry import add_registry_flag, entries, opened, where
+from calibrary.cli.registry import OfRegistry, entries, opened, where
 from calibrary.jobs.fleet import Fleet
 
 if TYPE_CHECKING:
@@ -36,13 +36,6 @@ examples:
 
 exit code 0: nothing waits for you; 1: something does, or for anybody; 3: a folder cannot be read; 4: the registry.
 """
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    add_flags(parser, Fleet.status, positional={"folders": "IMAGES_DIR"})
-    add_registry_flag(parser)
-    add_json_flag(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -98,3 +91,6 @@ def _show(screen: Screen, alike: Sequence[Matter], today: date, of_registry: str
         # What begins as one of its commands may also be several of them, or a sentence.
         is_one = matter.next.startswith("calibrary registry ") and "," not in matter.next
         screen.say(f"[cyan]next[/] {plain(matter.next + of_registry * is_one)}", indent=2)
+
+
+COMMAND = OfRegistry(Fleet.status, DESCRIPTION, EXAMPLES, run=run, positional={"folders": "IMAGES_DIR"})

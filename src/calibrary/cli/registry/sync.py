@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from calibrary.cli.commands import add_json_flag, print_json
-from calibrary.cli.flags import add_flags, call
-from calibrary.cli.registry import add_registry_flag, opened
+from calibrary.cli.commands import print_json
+from calibrary.cli.flags import call
+from calibrary.cli.registry import OfRegistry, opened
 from calibrary.cli.registry.changes import field_text
 from calibrary.cli.tables import Column, fitted
 from calibrary.jobs.fleet import Fleet
@@ -35,13 +35,6 @@ have decided each entry (exit code 4). So it is if the remote was rewritten and 
 drop gives them up, --removed keep makes them again. Commits of others are never overwritten. If yours cannot be sent,
 those that came stay, and the command says why (exit code 4).
 """
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    add_flags(parser, Fleet.sync, positional={"remote": "REMOTE"}, without=["told"])
-    add_registry_flag(parser)
-    add_json_flag(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -156,3 +149,8 @@ def _show_conflict(screen: Screen, conflict: EntryConflict) -> None:
         for one in conflict.fields
     ]
     screen.show(fitted(COLUMNS, rows, screen.width - 2), indent=2)
+
+
+COMMAND = OfRegistry(
+    Fleet.sync, DESCRIPTION, EXAMPLES, run=run, positional={"remote": "REMOTE"}, without=["told"]
+)

@@ -151,8 +151,8 @@ def _unusable(flown: Flown, use: Use, found: Resolution) -> Finding:
         day = f" on {flown.last}" if flown.last is not None else ""
         rule, text = Rule.EXPIRED, f"and its entry is valid {entry.validity}{why}, not{day or ' today'}"
         remedy = (
-            "calibrate it again; where K is known to be the same, in the registry's folder: calibrary registry add "
-            f"{found.path} --valid-until YYYY-MM-DD"
+            f"calibrate it again; where K is known to be the same: calibrary registry set {id_} "
+            f"valid-until=YYYY-MM-DD, then calibrary registry approve {id_}"
         )
     return Finding(
         rule=rule,

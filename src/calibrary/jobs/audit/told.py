@@ -237,8 +237,8 @@ def _cause(units: Sequence[AuditedUnit], done: AuditReport, registry: str, ancho
 
 
 def _of(registry: str, remedy: str) -> str:
-    """A remedy with the flag that selects the audited registry in its commands, unless they are run in its folder."""
-    return remedy if "in the registry's folder" in remedy else COMMAND.sub(rf"\g<0>{registry}", remedy)
+    """A remedy with the flag that selects the audited registry in its commands."""
+    return COMMAND.sub(rf"\g<0>{registry}", remedy)
 
 
 def _in_brief(unit: AuditedUnit, cameras: Sequence[AuditedCamera]) -> str:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
@@ -32,6 +33,7 @@ from calibrary.arguments import (
 from calibrary.errors import UsageError
 from calibrary.known_camera import CameraKey
 from calibrary.progress import Progress
+from calibrary.view import view_of
 
 if TYPE_CHECKING:
     from calibrary.calib.board import Board
@@ -127,7 +129,6 @@ def calibrate(
     from calibrary.jobs.calibrate import run
     from calibrary.jobs.calibrate.frames import recorded
     from calibrary.jobs.calibrate.outputs import Outputs
-    from calibrary.jobs.calibrate.page import calibration_page
     from calibrary.jobs.calibrate.report import Asked, report_of
     from calibrary.records import replace
 
@@ -190,7 +191,7 @@ def calibrate(
             corners_to=outputs.corners,
         )
         report = report_of(result, detections, asked)
-        return outputs.write(report, lambda done: calibration_page(done, detections), detections.observations)
+        return outputs.write(report, partial(view_of, detections=detections), detections.observations)
 
 
 def write_board(

@@ -50,7 +50,7 @@ MOST_DRAWN: Final = 1000
 MOST_BARS: Final = 120
 
 
-def fit_plots(views: Sequence[ViewResult], observations: Observations, points: str) -> Iterator[Block]:
+def fit_plots(views: Sequence[ViewResult], observations: Observations, points: str) -> Iterator[Figure]:
     """Reprojection error of each view, and the directions of the residuals; ``points`` is the word for what is seen."""
     shown = [view for view in views if view.rms_px is not None and view.without is None]
     shown = sorted(shown, key=lambda view: -(view.rms_px or 0.0))[:MOST_BARS]
@@ -69,7 +69,7 @@ def fit_plots(views: Sequence[ViewResult], observations: Observations, points: s
     )
     pixels, residuals = _residuals(views, observations)
     size, axis = observations.image_size, Axis("residual", "px")
-    every = vector_field(
+    yield vector_field(
         pixels,
         residuals,
         size,
@@ -77,18 +77,13 @@ def fit_plots(views: Sequence[ViewResult], observations: Observations, points: s
         caption=f"Residuals of all {points}. Where nothing is wrong their directions are random.",
     )
     middles, means = _averaged(pixels, residuals, size)
-    yield SideBySide(
-        (
-            every,
-            vector_field(
-                middles,
-                means,
-                size,
-                axis=Axis("mean residual", "px"),
-                caption="Their means by cell: a pattern here is something that the lens model"
-                + (", or the flat board, does not explain." if points == "corners" else " does not explain."),
-            ),
-        )
+    yield vector_field(
+        middles,
+        means,
+        size,
+        axis=Axis("mean residual", "px"),
+        caption="Their means by cell: a pattern here is something that the lens model"
+        + (", or the flat board, does not explain." if points == "corners" else " does not explain."),
     )
 
 
@@ -238,13 +233,11 @@ def _proven(report: CalibrateReport, observations: Observations) -> Figure | Non
     )
 
 
-def lens_plots(calibration: Calibration) -> Iterator[Block]:
+def lens_plots(calibration: Calibration) -> Iterator[Figure]:
     """Lens distortion over the image."""
-    lens = calibration.distortion
-    if lens is None or not lens.coefficients:
-        return
-    arrows, _ = distortion_map(calibration)
-    yield SideBySide((arrows, radial_curve(calibration)))
+    if calibration.distortion is not None and calibration.distortion.coefficients:
+        yield distortion_map(calibration)[0]
+        yield radial_curve(calibration)
 
 
 def frame_plots(report: CalibrateReport, detections: Detections) -> Iterator[Figure]:

@@ -9,6 +9,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -18,6 +19,7 @@ from calibrary.arguments import CameraLike, File, Folder, FormatName, Place, Sta
 from calibrary.errors import UsageError
 from calibrary.known_camera import CameraKey
 from calibrary.progress import Progress
+from calibrary.view import view_of
 
 if TYPE_CHECKING:
     from calibrary.jobs.calibrate.report import CalibrateReport
@@ -110,7 +112,6 @@ def calibrate_flight(
     from calibrary.extras import SFM, require
     from calibrary.jobs.calibrate.frames import describe_frames, find_frames
     from calibrary.jobs.calibrate.outputs import Outputs
-    from calibrary.jobs.calibrate.page import calibration_page
     from calibrary.jobs.calibrate.report import Asked, report_of, require_key
     from calibrary.jobs.calibrate.run import Told, not_in_future, stated_camera
     from calibrary.jobs.calibrate_flight.reconstruction import MOST_IMAGES, solve_reconstruction
@@ -157,4 +158,4 @@ def calibrate_flight(
         model=lens_model, warp=False, guess_fx=options.start.fx if options.start is not None else None
     )
     report = report_of(result, detections, asked)
-    return outputs.write(report, lambda done: calibration_page(done, detections), detections.observations)
+    return outputs.write(report, partial(view_of, detections=detections), detections.observations)

@@ -14,9 +14,9 @@ from calibrary.calib.corners_file import encode_corners
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.errors import InputError, UnsupportedModelError, UsageError
 from calibrary.jobs.calibrate.outputs import file_to_write
-from calibrary.jobs.calibrate_rig.page import rig_page
 from calibrary.jobs.calibrate_rig.report import RigReport
 from calibrary.jobs.calibrate_rig.run import CORNERS_NAME, RigCorners, RigDetections
+from calibrary.jobs.calibrate_rig.told import told
 from calibrary.pages import check_page_place, render_page
 from calibrary.parsers.rigs import encode_rig, format_of_name
 from calibrary.parsers.writing import why_unwritten
@@ -83,7 +83,7 @@ class RigOutputs(Struct, frozen=True, kw_only=True):
                 except UnsupportedModelError as error:
                     report = replace(report, unwritten=why_unwritten(error))
         if self.html is not None:
-            content[self.html] = render_page(rig_page(report)).encode()
+            content[self.html] = render_page(told(report)).encode()
         if self.corners is not None:
             content |= {self.corners / name: data for name, data in corner_files(detections).items()}
         write_files(content)

@@ -50,7 +50,7 @@ def watch(
     from calibrary.calib.board import parse_board
     from calibrary.calib.lens_models import Solvable
     from calibrary.extras import CALIBRATE, require
-    from calibrary.jobs.calibrate_watch.page import watched
+    from calibrary.jobs.calibrate_watch.run import watched
     from calibrary.jobs.calibrate_watch.session import Watch
     from calibrary.pages import check_page_place
 

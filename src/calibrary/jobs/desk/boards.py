@@ -14,10 +14,10 @@ import msgspec
 
 from calibrary.errors import InputError
 from calibrary.jobs.calibrate.report import BoardVerdict, CalibrateReport
-from calibrary.jobs.calibrate_watch.page import watch_page
+from calibrary.jobs.calibrate.told import told
 from calibrary.jobs.calibrate_watch.session import WatchedFrame, WatchStatus
+from calibrary.jobs.calibrate_watch.told import told as watched
 from calibrary.jobs.desk.flights import Drop
-from calibrary.jobs.desk.review import TONES
 from calibrary.jobs.desk.running import (
     DRY,
     REPORT,
@@ -32,16 +32,13 @@ from calibrary.jobs.desk.running import (
     without_result,
 )
 from calibrary.jobs.desk.work import Job
-from calibrary.pages.wording import distortion_blocks, intrinsics_items, sentence
 from calibrary.records import from_json, replace
 from calibrary.view import (
     Badge,
     Block,
-    Bullets,
     Code,
     Field,
     Form,
-    KeyValues,
     Link,
     Note,
     Section,
@@ -51,11 +48,6 @@ from calibrary.view import (
 
 AGAIN: Final = Link("Other boards", "/boards")
 CORNERS: Final = "corners.json"
-VERDICTS: Final = {
-    BoardVerdict.PASS: Tone.GOOD,
-    BoardVerdict.PROVISIONAL: Tone.CAUTION,
-    BoardVerdict.REFUSE: Tone.BAD,
-}
 BOARD: Final = Field(
     name="board", label="Board", hint="in inner corners: checkerboard:11x8, charuco:8x5, aprilgrid:6x6 …"
 )
@@ -156,7 +148,7 @@ def so_far(job: Job) -> tuple[Section, ...]:
         for frame in status.new:
             frames.pop(frame.name, None)
             frames[frame.name] = frame
-    page = watch_page(statuses[-1], [*frames.values()])
+    page = watched(statuses[-1], [*frames.values()])
     verdict = Section(title="Verdict", badge=page.badge, blocks=(page.lead,))
     return (verdict, *page.sections)
 
@@ -179,35 +171,17 @@ def solved(job: Job, address: str, drop: Drop | None) -> View:
         again = Section(title="Answer what the frames do not say", blocks=(form,))
         return without_result(job, again=AGAIN, more=again)
     done = from_json(CalibrateReport, msgspec.json.decode(found[-1]))
-    K = done.calibration
-    findings = tuple(
-        Note(text=sentence(one.message), action=one.remedy, tone=TONES.get(one.severity, Tone.NEUTRAL))
-        for one in done.findings
-    )
-    quality = K.quality
-    views = f"{quality.views} of {len(done.views) + len(done.skipped)}" if quality is not None else "the"
-    rms = (
-        f", reprojection error (RMS) {quality.rms_px:.3f} px"
-        if quality is not None and quality.rms_px
-        else ""
-    )
-    return desk_page(
-        title=f"{job.title}: {K.camera}",
-        badge=Badge(done.verdict.word, VERDICTS[done.verdict]),
-        lead=f"{views} {done.shots} of {done.target}{rms}.",
+    view = told(done)
+    return replace(
+        view,
+        title=f"{job.title}: {done.calibration.camera}",
         sections=(
-            Section(title="What it is good for", blocks=(*_uses(done), *findings)),
-            Section(title="K", blocks=(KeyValues(tuple(intrinsics_items(K))), *distortion_blocks(K))),
+            *(one for one in view.sections if one.printed),
             Section(title="Propose", blocks=tuple(_next(done, address))),
             Section(title="To take along", blocks=(*_files(address), *how(job, again=AGAIN))),
         ),
+        contents=False,
     )
-
-
-def _uses(done: CalibrateReport) -> Iterator[Block]:
-    yield Bullets(tuple(sentence(f"{one.words}: {one}") for one in done.uses.shown(done.asked.use)))
-    if done.notes:
-        yield Bullets(tuple(map(sentence, done.notes)))
 
 
 def _files(address: str) -> Iterator[Block]:

@@ -25,8 +25,8 @@ from calibrary.jobs.desk.running import (
     without_result,
 )
 from calibrary.jobs.desk.work import Job
-from calibrary.jobs.onboard.page import onboard_page
 from calibrary.jobs.onboard.report import Decision, OnboardReport
+from calibrary.jobs.onboard.told import told
 from calibrary.records import from_json, replace
 from calibrary.view import Block, Field, Form, Link, Note, Section, Tone, View
 
@@ -145,7 +145,7 @@ def decided(job: Job, address: str, drop: Drop | None) -> View:
     if job.is_cancelled or not job.documents:
         return without_result(job, again=AGAIN, more=again)
     done = _found(job)
-    page = onboard_page(done)
+    page = told(done)
     return replace(
         page,
         sections=(

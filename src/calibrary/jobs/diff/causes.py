@@ -103,20 +103,22 @@ def _is_one_map(a: Calibration, b: Calibration) -> bool:
 def _converted(a: Calibration, b: Calibration) -> Structural | None:
     """The map that gives every number; where several do, the first, with the others named."""
     K, after = a.intrinsics, b.intrinsics
-    change = f"cx, cy were {K.cx:.2f}, {K.cy:.2f} and are {after.cx:.2f}, {after.cy:.2f} px"
     found = [
-        Structural(kind=kind, reason=f"{change}: {reason}")
+        Structural(kind=kind, reason=reason)
         for turn, (kind, reason) in turns(K.image_size, after.image_size).items()
         if is_turned(a, b, turn)
     ]
+    centre = (
+        f"cx, cy were {K.cx:.2f}, {K.cy:.2f} and are {after.cx:.2f}, {after.cy:.2f} px: " if found else ""
+    )
     found += [Structural(kind=one.kind, reason=one.reason, faulty=one.faulty) for one in conversions(a, b)]
     if not found:
         return None
     # A quarter turn of a centred frame is one cause, not two.
-    others = {one.kind: one.reason.removeprefix(f"{change}: ") for one in found[::-1]}
+    others = {one.kind: one.reason for one in found[::-1]}
     likely = replace(found[0], likelihood=1 / len(others))
     others.pop(likely.kind)
-    return replace(likely, reason="; or ".join((likely.reason, *others.values())))
+    return replace(likely, reason=centre + "; or ".join((likely.reason, *others.values())))
 
 
 def _weighed(a: Calibration, b: Calibration) -> Structural | None:

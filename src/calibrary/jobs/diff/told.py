@@ -71,13 +71,15 @@ MOST_SECTIONS = 200
 """Most comparisons of a fleet shown in full, worst first."""
 
 
-def told(comparison: DiffReport, altitude_m: float | None = None) -> View:
-    """Describe a comparison of two calibrations.
+def told(comparison: DiffReport | FleetDiffReport, altitude_m: float | None = None) -> View:
+    """Describe a comparison of two calibrations, or of a fleet then and now.
 
     Args:
         comparison: the result.
         altitude_m: altitude above ground, for the effect on the ground; by default as it was compared.
     """
+    if isinstance(comparison, FleetDiffReport):
+        return told_fleet(comparison)
     a, b = comparison.a, comparison.b
     camera = b.calibration.camera if b.calibration.camera.model is not None else a.calibration.camera
     if altitude_m is None:

@@ -260,8 +260,6 @@ class CheckedFile(Record):
         answer: the verdict on the K in a few words, such as "is off by 1.57 %"; None if the message is all.
     """
 
-    _unwritten = frozenset({"answer"})
-
     file: str
     verdict: Rightness
     message: str

@@ -85,9 +85,9 @@ def onboard(
     from calibrary.extras import CALIBRATE, PAGES, SFM, require
     from calibrary.jobs.fleet import Fleet
     from calibrary.jobs.onboard.estimates import Serves
-    from calibrary.jobs.onboard.page import onboard_page
     from calibrary.jobs.onboard.report import Kind
     from calibrary.jobs.onboard.run import Onboarding, page_name, write_drafts
+    from calibrary.jobs.onboard.told import told
     from calibrary.pages import check_page_place, write_page
     from calibrary.records import replace
     from calibrary.registry.proposals import SHORT_DIGEST
@@ -117,10 +117,10 @@ def onboard(
     ).run(only)
     place = place or Path(page_name(done))
     done = replace(done, page=place.name)
-    write_page(place, onboard_page(done))
+    write_page(place, told(done))
     is_wanted = write(done) if callable(write) else write or digest is not None
     if not is_wanted or not done.drafts or not done.is_as_seen(digest):
         return done
     done = write_drafts(done, target, reason)
-    write_page(place, onboard_page(done))
+    write_page(place, told(done))
     return done

@@ -64,6 +64,11 @@ class Site(Struct, frozen=True, kw_only=True):
     policy: Policy
     cards: tuple[Card, ...]
 
+    @property
+    def is_whole(self) -> bool:
+        """Whether every entry has a page."""
+        return all(card.page is not None for card in self.cards)
+
 
 def build(
     registry: Path,

@@ -11,12 +11,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from calibrary.catalogue import CatalogueListing
+    from calibrary.jobs.audit.report import AuditReport
     from calibrary.jobs.extract.report import ExtractReport
     from calibrary.jobs.inspect.run import InspectFilesReport
     from calibrary.jobs.tables.rows import Table
     from calibrary.registry.query import EntryListing
 
-__all__ = ["cameras", "entries", "files", "images"]
+__all__ = ["cameras", "catalogue", "entries", "files", "flown", "images"]
 
 
 def cameras(result: ExtractReport) -> Table:
@@ -45,3 +47,17 @@ def files(result: InspectFilesReport) -> Table:
     from calibrary.jobs.tables.rows import file_table
 
     return file_table(result.files)
+
+
+def flown(report: AuditReport) -> Table:
+    """Make a table of the units and firmware versions that flew, with the registry's entry for each."""
+    from calibrary.jobs.tables.rows import audit_table
+
+    return audit_table(report)
+
+
+def catalogue(listing: CatalogueListing) -> Table:
+    """Make a table of the known cameras; several spellings of a Model are in one cell."""
+    from calibrary.jobs.tables.rows import catalogue_table
+
+    return catalogue_table(listing.cameras)

@@ -1,18 +1,18 @@
-"""Page of a calibrated rig: verdict, picture of the rig, K of every camera, and every pose with its uncertainty."""
+"""What a calibrated rig shows: the verdict, K of every camera, and every pose with its uncertainty."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from calibrary.arrays import FloatArray
-from calibrary.calib.verdict import BoardVerdict
-from calibrary.calibration import Calibration
-from calibrary.jobs.calibrate.page import LEADS, OUTCOMES, findings_blocks
-from calibrary.jobs.calibrate_rig.report import PoseDifference, RigReport
+from calibrary.calibration import Calibration, Quality
+from calibrary.jobs.calibrate.told import LEADS, OUTCOMES, findings_blocks, made_with
+from calibrary.jobs.calibrate_rig.report import CameraReport, PoseDifference, RigReport
 from calibrary.pages.palette import Colour
 from calibrary.pages.plots import Axis, bars
 from calibrary.pages.plots.canvas import draw
@@ -20,7 +20,20 @@ from calibrary.parsers.rigs.micasense import relatives_of
 from calibrary.probability import two_digits
 from calibrary.provenance import facts
 from calibrary.validation import Severity
-from calibrary.view import Badge, Block, Column, Details, Figure, KeyValues, Section, Table, Tone, View
+from calibrary.view import (
+    Badge,
+    Block,
+    Cell,
+    Column,
+    Details,
+    Figure,
+    KeyValues,
+    Plots,
+    Section,
+    Table,
+    Tone,
+    View,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
@@ -28,40 +41,46 @@ if TYPE_CHECKING:
 MOST_ROWS = 300
 
 
-def rig_page(report: RigReport) -> View:
-    """Make the page of a rig, refused or not."""
-    names = ", ".join(one.name for one in report.cameras)
+def told(report: RigReport, *, files: tuple[str, ...] = ()) -> View:
+    """Describe a rig, refused or not.
+
+    Args:
+        report: the result.
+        files: what was written, in sentences.
+    """
     first = report.cameras[0].result
-    versions = ", ".join(f"{name} {version}" for name, version in first.versions.items())
-    lead = LEADS[report.verdict] if report.verdict is not BoardVerdict.REFUSE else (
-        "Nothing but this page and the corners was written."
-    )  # fmt: skip
     return View(
         title=f"Rig of {len(report.cameras)} cameras",
         badge=OUTCOMES[report.verdict],
-        lead=f"{names}: {len(report.shots)} shots that two cameras or more share, of {first.target}. {lead}",
-        sections=tuple(_sections(report)),
-        made_by=f"Made by {versions}.",
+        lead=f"{report.verdict.word.upper()}: {len(report.cameras)} cameras, {len(report.shots)} shots "
+        f"of {first.target} that two or more share, paired {report.pairing}; {LEADS[report.verdict]}",
+        sections=tuple(_sections(report, files)),
+        made_by=made_with(first),
     )
 
 
-def _sections(report: RigReport) -> Iterator[Section]:
-    verdict = tuple(findings_blocks(report.findings, report.notes))
+def _sections(report: RigReport, files: tuple[str, ...]) -> Iterator[Section]:
+    verdict = (_lenses(report), *findings_blocks(report.findings, report.notes))
     yield Section(title="Verdict", anchor="verdict", blocks=verdict)
     if report.poses:
-        poses: list[Block] = [_rig_picture(report), _poses(report), _predicted(report), _relatives(report)]
+        poses: list[Block] = [Plots(lambda: [_rig_picture(report)]), _poses(report), _predicted(report)]
+        poses += [KeyValues(tuple(_measured(report))), _relatives(report)]
         poses += [*_compared("what the frames' metadata state", report.stated)]
         poses += [*_compared("the file that was given", report.compared)]
         yield Section(title="Relative poses", anchor="poses", blocks=tuple(poses))
-    yield Section(title="Cameras", blocks=(_lenses(report),))
     if report.shots:
-        yield Section(
-            title="How the shots fit",
-            anchor="shots",
-            blocks=(_shot_errors(report), _shots(report)),
-            printed=False,
-        )
+        shots = (Plots(lambda: [_shot_errors(report)]), _shots(report))
+        yield Section(title="How the shots fit", anchor="shots", blocks=shots, printed=False)
     yield Section(title="Made from", anchor="made-from", blocks=tuple(_origin(report)), printed=False)
+    if files:
+        yield Section(title="Written", blocks=files)
+
+
+def _measured(report: RigReport) -> Iterator[tuple[str, Cell]]:
+    if report.kappa2 is not None:
+        yield "variance factor of the poses", f"{report.kappa2:.2f} between halves of the shots"
+    if report.excess_px is not None:
+        yield "one pose for all cameras", f"adds {report.excess_px:.3f} px to the residuals"
 
 
 def _poses(report: RigReport) -> Table:
@@ -89,7 +108,7 @@ def _predicted(report: RigReport) -> Table:
             Column("at the boards' distance (px)", numeric=True),
             Column("far away (px)", numeric=True),
         ),
-        rows=tuple((name, _number(near), _number(far)) for name, (near, far) in report.cross_std_px.items()),
+        rows=tuple((name, _two(near), _two(far)) for name, (near, far) in report.cross_std_px.items()),
     )
 
 
@@ -145,36 +164,39 @@ def _compared(source: str, found: tuple[PoseDifference, ...]) -> Iterator[Block]
 
 
 def _lenses(report: RigReport) -> Table:
-    rows: list[tuple[str | Badge, ...]] = []
-    for camera in report.cameras:
-        name, one = camera.name, camera.result
-        K, quality = one.calibration.intrinsics, one.calibration.quality
-        wider = math.sqrt(quality.inflation) if quality is not None else 1.0
-        std = quality.std if quality is not None else {}
-        values = [
-            f"{getattr(K, key):.2f} ± {two_digits(std[key] * wider)}"
-            if key in std
-            else f"{getattr(K, key):.2f}"
-            for key in ("fx", "fy", "cx", "cy")
-        ]
-        rms = quality.rms_px if quality is not None else None
-        views = str(quality.views) if quality is not None else ""
-        state = OUTCOMES[one.verdict]
-        said = "; ".join(finding.rule for finding in one.findings if finding.severity is not Severity.NOTE)
-        rows.append((name, state, *values, one.model.value, _number(rms), views, said))
-    return Table(
-        caption="K of each camera in px from the outer corner of its top-left pixel, with σ × κ",
-        columns=(
-            Column("camera"),
-            Column("verdict"),
-            *(Column(key, numeric=True) for key in ("fx", "fy", "cx", "cy")),
-            Column("lens model"),
-            Column("RMS (px)", numeric=True),
-            Column("views", numeric=True),
-            Column("findings"),
-        ),
-        rows=tuple(rows),
+    return Table.of(
+        "K of each camera in px from the outer corner of its top-left pixel, with σ × κ",
+        report.cameras,
+        LENSES,
     )
+
+
+def _number_of(key: str, camera: CameraReport) -> str:
+    K, quality = camera.result.calibration.intrinsics, camera.result.calibration.quality or Quality()
+    sigma = f" ± {two_digits(quality.std[key] * math.sqrt(quality.inflation))}" if key in quality.std else ""
+    return f"{getattr(K, key):.2f}{sigma}"
+
+
+def _reasons(camera: CameraReport) -> str:
+    return "; ".join(one.rule for one in camera.result.findings if one.severity is not Severity.NOTE)
+
+
+LENSES: Final = (
+    Column("camera", lambda one: one.name),
+    Column("verdict", lambda one: OUTCOMES[one.result.verdict]),
+    *(Column(key, partial(_number_of, key), numeric=True) for key in ("fx", "fy", "cx", "cy")),
+    Column("lens model", lambda one: one.result.model.value, rank=3),
+    Column(
+        "RMS (px)",
+        lambda one: f"{(one.result.calibration.quality or Quality()).rms_px or math.nan:.3f}",
+        numeric=True,
+        rank=1,
+    ),
+    Column(
+        "views", lambda one: str((one.result.calibration.quality or Quality()).views), numeric=True, rank=2
+    ),
+    Column("findings", _reasons, below=""),
+)
 
 
 def _shots(report: RigReport) -> Details:
@@ -207,10 +229,6 @@ def _origin(report: RigReport) -> Iterator[Block]:
         )
         for one in report.cameras
     ]
-    if report.kappa2 is not None:
-        items.append(("variance factor of the poses", f"{report.kappa2:.2f}"))
-    if report.excess_px is not None:
-        items.append(("one pose for all cameras adds", f"{report.excess_px:.3f} px"))
     yield KeyValues(tuple(items))
     rejected = [
         (one.name, remark.name, remark.message) for one in report.cameras for remark in one.result.skipped
@@ -230,8 +248,8 @@ def _triple(values: tuple[float, ...] | None, decimals: int) -> str:
     return "  ".join(f"{value:.{decimals}f}".replace("-", "−") for value in values)
 
 
-def _number(value: float | None) -> str:
-    return "–" if value is None or not np.isfinite(value) else f"{value:.2f}"
+def _two(value: float | None) -> str:
+    return "–" if value is None or not np.isfinite(value) else two_digits(value)
 
 
 REACH: Final = 0.6

@@ -1,29 +1,32 @@
-"""Page of a payload: for every camera the decision, all estimates, the entry, and entries of the same model."""
+"""What a payload shows: for every camera the decision, all estimates, the entry, and entries of the same model."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Final
 
+from calibrary.calib.result import CalibrationResult
 from calibrary.calib.verdict import BoardVerdict
-from calibrary.jobs.calibrate.page_plots import fit_plots
+from calibrary.jobs.calibrate.page_plots import fit_plots, lens_plots
 from calibrary.jobs.onboard.report import (
     Agreement,
     CameraDecision,
     Decision,
+    Estimate,
     ImageSolve,
     Kind,
     OnboardReport,
     ProposedEntry,
     RelatedEntry,
 )
-from calibrary.pages.plots import Axis, Interval, Role, distortion_map, intervals, radial_curve
+from calibrary.pages.plots import Axis, Interval, Role, intervals
 from calibrary.pages.wording import (
     SEVERITIES,
     UNPROVEN,
     count,
-    cut_table,
     intrinsics_items,
     made_by,
     minus,
@@ -41,8 +44,8 @@ from calibrary.view import (
     Figure,
     KeyValues,
     Note,
+    Plots,
     Section,
-    SideBySide,
     Table,
     Tone,
     View,
@@ -69,51 +72,48 @@ SOLVES: Final = {
 }
 PX: Final = Axis("fx", "px")
 MOST_ROWS: Final = 200
+FEW: Final = 8
+"""Skipped files that are named beside the answer."""
 MOST_SOLVES: Final = 3
 """Most board calibrations shown with plots."""
 
 
-def onboard_page(done: OnboardReport) -> View:
-    """Make the page."""
-    cameras = len(done.cameras)
-    title = str(done.cameras[0].camera) if cameras == 1 else f"{cameras} cameras"
-    refused = sum(one.decision is Decision.REFUSED for one in done.cameras)
-    if not done.cameras:
-        badge, lead = Badge("no camera", Tone.BAD), "No camera could be identified in the folder."
-    elif refused:
-        badge = Badge("refused", Tone.BAD)
-        lead = f"{refused} of {cameras} cameras refused, so nothing is written into the registry."
-    elif any(one.decision is Decision.PROPOSED for one in done.cameras):
-        badge, lead = (
-            Badge("draft proposed", Tone.GOOD),
-            "A draft is on a branch, awaiting approval.",
-        )
-    elif ready := sum(one.decision is Decision.READY for one in done.cameras):
-        badge, lead = (
-            Badge("ready, not written", Tone.CAUTION),
-            f"{count(ready, 'draft')} could be proposed; nothing is written into the registry.",
-        )
-    else:
-        badge, lead = (
-            Badge("nothing new", Tone.NEUTRAL),
-            "The registry already contains everything from these sources.",
-        )
-    solves = 0
-    sections = []
+def told(done: OnboardReport) -> View:
+    """Describe what came with a payload."""
+    cameras, solves, sections = len(done.cameras), 0, []
     for one in done.cameras:
         solves += sum(solve is not None and solve.result is not None for solve in (one.board, one.flight))
         sections.append(_camera(one, done, whole=solves <= MOST_SOLVES))
     return View(
-        title=f"New payload: {title}",
-        badge=badge,
-        lead=lead,
+        title=f"New payload: {done.cameras[0].camera if cameras == 1 else f'{cameras} cameras'}",
+        badge=_badge(done),
+        lead=_lead(done),
         sections=(*sections, _sorted(done)),
         made_by=made_by(f"from {Path(done.folder).name}"),
     )
 
 
+def _badge(done: OnboardReport) -> Badge:
+    """The decision that is worst, as it is the one that decides."""
+    found = {one.decision for one in done.cameras}
+    for decision in (Decision.REFUSED, Decision.PROPOSED, Decision.READY, Decision.KNOWN):
+        if decision in found:
+            return Badge(decision.value, DECISIONS[decision])
+    return Badge("no camera", Tone.BAD)
+
+
+def _lead(done: OnboardReport) -> str:
+    if not done.cameras:
+        return "no camera could be identified in the folder"
+    counts = Counter(one.decision for one in done.cameras)
+    decided = ", ".join(f"{number} {decision.value}" for decision, number in counts.items())
+    nothing = "" if done.branches or done.is_good else "; nothing is written into the registry"
+    return f"{count(len(done.cameras), 'camera')}: {decided}{nothing}"
+
+
 def _camera(one: CameraDecision, done: OnboardReport, *, whole: bool) -> Section:
     blocks: list[Block] = [Note(text=sentence(one.reason), action=one.next, tone=DECISIONS[one.decision])]
+    blocks += [one.hint] if one.hint is not None else []
     blocks += _estimates(one)
     if one.entry is not None:
         blocks += _entry(one.entry, one)
@@ -129,40 +129,72 @@ def _camera(one: CameraDecision, done: OnboardReport, *, whole: bool) -> Section
 
 
 def _estimates(one: CameraDecision) -> Iterator[Block]:
-    if not one.estimates:
-        return
-    rows = []
-    for estimate in one.estimates:
-        K, standing = estimate.intrinsics, estimate.standing
-        rows.append(
-            (
-                estimate.name,
-                estimate.kind.value,
-                estimate.grade.value if estimate.grade is not None else "–",
-                f"{K.fx:.2f}",
-                f"{K.fy:.2f}",
-                f"{K.cx:.2f}" if estimate.measured_centre else "–",
-                f"{K.cy:.2f}" if estimate.measured_centre else "–",
-                f"{_percent(estimate.difference)}{estimate.of_what}"
-                if estimate.difference is not None
-                else "–",
-                Badge(standing, STANDINGS[standing]) if standing is not None else "–",
-            )
+    if one.estimates:
+        yield Table.of(
+            "Estimates at the size of the images, in px. Difference: the largest of fx and fy, and of the principal "
+            "point where both measured it.",
+            one.estimates,
+            ESTIMATES,
         )
-    yield Table(
-        caption="Estimates at the size of the images, in px. Difference: the largest of fx and fy, and of the "
-        "principal point where both measured it.",
-        columns=(
-            Column("estimate"),
-            Column("kind"),
-            Column("grade"),
-            *(Column(name, numeric=True) for name in ("fx", "fy", "cx", "cy")),
-            Column("difference", numeric=True),
-            Column("result"),
-        ),
-        rows=tuple(rows),
-    )
-    yield _chart(one)
+        yield Plots(lambda: [_chart(one)])
+
+
+def _result(estimate: Estimate) -> Badge:
+    standing = estimate.standing
+    return Badge(standing, STANDINGS[standing]) if standing is not None else Badge("no K")
+
+
+def _verdict(one: RelatedEntry) -> Cell:
+    if one.verdict is None:
+        return one.reason or "–"
+    kinds = f": {', '.join(one.kinds)}" if one.kinds else ""
+    return Badge(f"{one.verdict.value}{kinds}", Tone.CAUTION if one.alarm else Tone.GOOD)
+
+
+ESTIMATES: Final = (
+    Column("estimate", lambda one: one.name),
+    Column("kind", lambda one: one.kind.value, rank=1),
+    Column("grade", lambda one: one.grade.value if one.grade is not None else "–", rank=4),
+    Column("fx", lambda one: f"{one.intrinsics.fx:.2f}", numeric=True, rank=2),
+    Column("fy", lambda one: f"{one.intrinsics.fy:.2f}", numeric=True, rank=5),
+    Column(
+        "cx", lambda one: f"{one.intrinsics.cx:.2f}" if one.measured_centre else "–", numeric=True, rank=6
+    ),
+    Column(
+        "cy", lambda one: f"{one.intrinsics.cy:.2f}" if one.measured_centre else "–", numeric=True, rank=6
+    ),
+    Column(
+        "difference",
+        lambda one: f"{_percent(one.difference)}{one.of_what}" if one.difference is not None else "–",
+        numeric=True,
+        rank=3,
+    ),
+    Column("result", _result),
+)
+RELATIVES: Final = (
+    Column("entry", lambda one: one.id),
+    Column("of", lambda one: "this camera" if one.own else "another", rank=2),
+    Column("status", lambda one: one.status.value, rank=3),
+    Column(
+        "Δf / f",
+        lambda one: _percent(one.focal_change, digits=3) if one.focal_change is not None else "–",
+        numeric=True,
+        rank=1,
+    ),
+    Column(
+        "at most (px)",
+        lambda one: f"{one.max_px:.2f}" if one.max_px is not None else "–",
+        numeric=True,
+        rank=4,
+    ),
+    Column("verdict", _verdict),
+)
+FINDINGS: Final = (
+    Column("rule", lambda one: one.rule),
+    Column("result", lambda one: Badge(one.severity.value, SEVERITIES[one.severity])),
+    Column("what was found and expected", lambda one: one.message, below=""),
+)
+SKIPPED: Final = (Column("skipped", lambda one: one.name), Column("reason", lambda one: one.reason))
 
 
 ROLES = {
@@ -197,7 +229,6 @@ def _entry(entry: ProposedEntry, one: CameraDecision) -> Iterator[Block]:
     calibration, status = entry.calibration, entry.status.value
     if entry.status_before is not None and entry.status_before is not entry.status:
         status += f", {entry.status_before.value} before"
-    yield f"The entry {entry.id}:"
     items: list[tuple[str, Cell]] = [
         (
             "valid for",
@@ -208,57 +239,26 @@ def _entry(entry: ProposedEntry, one: CameraDecision) -> Iterator[Block]:
         ("status", status),
         *facts(calibration.provenance, traced=False),
     ]
-    yield KeyValues(tuple(items))
+    yield Details(summary=f"The entry {entry.id}", blocks=(KeyValues(tuple(items)),))
     if calibration.distortion is not None and calibration.distortion.coefficients:
-        arrows, _ = distortion_map(calibration)
-        plots = SideBySide((arrows, radial_curve(calibration)))
-        yield Section(title="What the lens does", blocks=(plots,), printed=False)
+        yield Section(
+            title="What the lens does", blocks=(Plots(partial(lens_plots, calibration)),), printed=False
+        )
     for finding in one.check:
         yield Note(text=f"{finding.message} [{finding.rule}]", tone=Tone.CAUTION)
 
 
 def _relatives(relatives: tuple[RelatedEntry, ...]) -> Iterator[Block]:
-    if not relatives:
-        return
-    rows = []
-    for one in relatives:
-        verdict: Cell = one.reason or "–"
-        if one.verdict is not None:
-            told = f"{one.verdict.value}: {', '.join(one.kinds)}" if one.kinds else one.verdict.value
-            verdict = Badge(told, Tone.CAUTION if one.alarm else Tone.GOOD)
-        rows.append(
-            (
-                one.id,
-                "this camera" if one.own else "another",
-                one.status.value,
-                _percent(one.focal_change, digits=3) if one.focal_change is not None else "–",
-                f"{one.max_px:.2f}" if one.max_px is not None else "–",
-                verdict,
-            )
-        )
-    yield Table(
-        caption="The registry's entries of this model, and how the proposed K differs from each",
-        columns=(
-            Column("entry"),
-            Column("of"),
-            Column("status"),
-            Column("Δf / f", numeric=True),
-            Column("at most (px)", numeric=True),
-            Column("verdict"),
-        ),
-        rows=tuple(rows),
-    )
+    if relatives:
+        caption = "The registry's entries of this model, and how the proposed K differs from each"
+        yield Table.of(caption, relatives, RELATIVES)
 
 
 def _findings(findings: Sequence[Finding], policy: str) -> Iterator[Block]:
     if not findings:
         return
     caption = f"K against the {policy} policy"
-    table = Table(
-        caption=caption,
-        columns=(Column("rule"), Column("result"), Column("what was found and expected")),
-        rows=tuple((f.rule, Badge(f.severity.value, SEVERITIES[f.severity]), f.message) for f in findings),
-    )
+    table = Table.of(caption, findings, FINDINGS)
     if findings[0].severity is Severity.UNPROVEN:
         yield UNPROVEN
     is_refused = findings[0].severity in {Severity.UNPROVEN, Severity.ERROR}
@@ -284,7 +284,7 @@ def _solve(solve: ImageSolve, what: str, *, whole: bool) -> Iterator[Block]:
         blocks=(
             lead,
             *((Bullets((*reasons, *solve.detections.notes)),) if reasons else ()),
-            *fit_plots(result.views, result.observations, "corners" if result.flown is None else "points"),
+            Plots(partial(fit_plots, result.views, result.observations, _points(result))),
         ),
     )
 
@@ -300,22 +300,26 @@ def _sources(one: CameraDecision) -> Details:
 
 def _sorted(done: OnboardReport) -> Section:
     found = done.sorted
-    counts = KeyValues(
-        (
-            ("images of flights", str(found.images)),
-            ("frames of a board", str(found.board_frames)),
-            ("calibration files", str(found.calibration_files)),
-            ("skipped", str(len(found.skipped))),
-        )
+    said = (
+        f"{count(found.images, 'image')} of flights, {count(found.board_frames, 'frame')} of a board, "
+        f"{count(found.calibration_files, 'calibration file')}, {len(found.skipped)} skipped"
     )
-    blocks: list[Block] = [counts]
+    blocks: list[Block] = [said]
     if found.skipped:
-        rows = [(one.name, one.reason) for one in found.skipped]
-        columns = (Column("file"), Column("reason"))
-        blocks += cut_table("What was skipped", columns, rows, most=MOST_ROWS, rest="the JSON")
-    return Section(title="What was in the folder", blocks=tuple(blocks), printed=False)
+        blocks.append(Table.of("What was skipped", found.skipped[:FEW], SKIPPED))
+    if len(found.skipped) > FEW:
+        every = Table.of("What was skipped", found.skipped[:MOST_ROWS], SKIPPED)
+        blocks += [
+            f"{len(found.skipped) - FEW} more",
+            Details(summary="All that was skipped", blocks=(every,)),
+        ]
+    return Section(title="What was in the folder", blocks=tuple(blocks))
 
 
-def _percent(share: float, *, digits: int = 1) -> str:
+def _points(result: CalibrationResult) -> str:
+    return "corners" if result.flown is None else "points"
+
+
+def _percent(share: float, *, digits: int = 2) -> str:
     # + 0.0 removes the sign of −0.0.
     return minus(f"{round(share, digits + 2) + 0.0:+.{digits}%}")
