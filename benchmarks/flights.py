@@ -154,7 +154,7 @@ def unseen(sets: int, first: int) -> None:
         for seed in range(first, first + sets):
             tracks, start = fly(OBLIQUE, seed, LENSES[lens])
             flight = flight_result(adjust(tracks.only(seen(tracks, part)), start))
-            use = allowed(flight.result.calibration, FLEET).use
+            use = allowed(flight.calibration, FLEET).use
             off[use is Use.FIXED].append(apart(lens, flight))
         fixed, others = (
             f"{len(off[is_fixed]):>7}{max(off[is_fixed], default=0):>8.2f}" for is_fixed in (True, False)
@@ -193,13 +193,13 @@ def main() -> None:
         for seed in range(given.first, given.first + given.sets):
             try:
                 adjusted = flown(name, seed, points=given.points, faults=given.faults)
-                flight = flight_result(adjusted)
+                result = flight_result(adjusted)
             except CalibrationError:
                 uses[Use.NONE] += 1
                 continue
-            result = flight.result
             quality, K = result.calibration.quality, result.calibration.intrinsics
             assert quality is not None
+            assert result.flown is not None
             std = np.array([quality.std[one] for one in NAMES]) * np.sqrt(quality.inflation)
             found = np.array([getattr(K, one) for one in NAMES])
             if given.faults:
@@ -210,7 +210,7 @@ def main() -> None:
             noises.append((found[0] - truth[0]) / np.sqrt(covariance(adjusted.bundle)[0, 0]))
             spreads.append(std[0] / K.fx)
             kappas.append(quality.kappa2 or np.nan)
-            weak.append(flight.uncertainty.geometry.focal_by_px)
+            weak.append(result.flown.geometry.focal_by_px)
             use, far = allowed(result.calibration, FLEET).use, np.abs(scores[-1]) > 3
             uses[use] += 1
             beyond[use] += np.r_[far, far.any()]

@@ -44,7 +44,7 @@ from calibrary.calib.result import (
 from calibrary.calib.solve import Solution
 from calibrary.calib.variance_factor import SplitHalf, split_half
 from calibrary.calib.verdict import BOARD, LIMITS, BoardVerdict, Departure, Evidence, Limits, Subject
-from calibrary.calib.verdict_rules import judge
+from calibrary.calib.verdict_rules import graver_first, judge
 from calibrary.calibration import (
     Calibration,
     Covariance,
@@ -91,6 +91,7 @@ class Solved(Struct, frozen=True, kw_only=True, eq=False):
         joint: uncertainty, if the camera was solved together with other cameras or with scene points.
         versions: versions of the programs used; None for those of a board calibration.
         subject: what it was calibrated from, in words.
+        further: findings that are not of the camera alone.
     """
 
     observations: Observations
@@ -103,6 +104,7 @@ class Solved(Struct, frozen=True, kw_only=True, eq=False):
     joint: Joint | None = None
     versions: Mapping[str, str] | None = None
     subject: Subject = BOARD
+    further: tuple[Finding, ...] = ()
 
 
 def assess(
@@ -179,14 +181,14 @@ def assess(
         noise=noise,
         longer=stretched[0] if stretched is not None else None,
     )
-    findings = judge(judged, limits, policy)
+    findings = graver_first((*judge(judged, limits, policy), *solved.further))
     refused = BoardVerdict.of(findings) is BoardVerdict.REFUSE
     return CalibrationResult(
         # A refused calibration is usable only as a start value.
         calibration=replace(
             calibration,
             notes=tuple(notes_of(findings)),
-            grade=Grade.SEED if refused else Grade.CALIBRATED,
+            grade=Grade.SEED if refused else solved.subject.grade,
         ),
         findings=findings,
         evidence=judged,

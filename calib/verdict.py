@@ -14,7 +14,7 @@ from calibrary.calib.geometry import Geometry
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.misfit import Misfit
 from calibrary.calib.model_choice import Candidate, WarpTest
-from calibrary.calibration import ImageSize
+from calibrary.calibration import Grade, ImageSize
 from calibrary.policy import Policy
 from calibrary.probability import two_digits, whole_percent
 from calibrary.quality import Proven
@@ -127,12 +127,14 @@ class Subject(Struct, frozen=True, kw_only=True):
         view, point: one of its images, and of what they show.
         frames: the images as files.
         remedies: what to do by rule, where that differs from what it is with a board.
+        grade: of a calibration that is not refused.
     """
 
     view: str
     point: str
     frames: str
     remedies: Mapping[str, str] = {}
+    grade: Grade = Grade.CALIBRATED
 
 
 BOARD: Final = Subject(view="view", point="corner", frames="frames")

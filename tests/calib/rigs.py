@@ -16,8 +16,7 @@ from calibrary.calib.rig.observations import RigObservations
 from calibrary.calib.synthesis import Pose, poses
 from calibrary.calib.synthesis.cameras import example_camera
 from calibrary.calibration import Calibration
-from calibrary.jobs.calibrate_rig.outputs import corner_files
-from calibrary.jobs.calibrate_rig.run import RigDetections
+from calibrary.jobs.calibrate_rig.run import RigDetections, corner_files
 from calibrary.records import replace
 from calibrary.rig import RigPose
 from calibrary.rotations import rotation_matrix, rotation_vector
@@ -126,5 +125,5 @@ def write_rig_corners(folder: Path) -> None:
         how="by simulation",
     )
     folder.mkdir()
-    for name, data in corner_files(collected).items():
-        (folder / name).write_bytes(data)
+    for path, data in corner_files(collected, folder).items():
+        path.write_bytes(data)

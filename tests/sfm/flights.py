@@ -9,6 +9,7 @@ import numpy as np
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.lens_models import Solvable
+from calibrary.calib.result import CalibrationResult, Flown
 from calibrary.calibration import Calibration, CameraKey, Grade, ImageSize, Intrinsics, Provenance
 from calibrary.distortion import BrownConrady, KannalaBrandt
 from calibrary.records import replace
@@ -240,3 +241,9 @@ PLANS = {
     ),
 }
 """The first two determine no focal length."""
+
+
+def flown_of(result: CalibrationResult) -> Flown:
+    """Return what a flight's result says besides."""
+    assert result.flown is not None
+    return result.flown

@@ -11,6 +11,7 @@ import pytest
 
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.model_choice import Candidate
+from calibrary.calib.result import CalibrationResult
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Grade
 from calibrary.distortion import KannalaBrandt, Rational
@@ -18,12 +19,12 @@ from calibrary.errors import CalibrationError
 from calibrary.records import replace
 from calibrary.rotations import rotation_matrix
 from calibrary.sfm.adjust import Adjustment, adjust
-from calibrary.sfm.assessment import FLIGHT, FlightResult, flight_result
+from calibrary.sfm.assessment import FLIGHT, flight_result
 from calibrary.sfm.bundle import adjust_bundle, lens_block, linearise, reduce
 from calibrary.sfm.priors import Known, Priors, anchored
 from calibrary.sfm.sigma import FOCAL_BY_PX, covariance, flight_geometry, halves
 from calibrary.sfm.tracks import Scene, Tracks, aligned, thinned
-from tests.sfm.flights import CAMERA, PLANS, Plan, fly
+from tests.sfm.flights import CAMERA, PLANS, Plan, flown_of, fly
 from tests.thorough import every
 
 SMALL = Plan(relief=0.05, heights=(1.0, 1.4), cross=True, rows=2, columns=4, points=250, outliers=0.0)
@@ -36,12 +37,12 @@ def adjusted(name: str, seed: int = 3) -> Adjustment:
 
 
 @cache
-def judged(name: str, seed: int = 3) -> FlightResult:
+def judged(name: str, seed: int = 3) -> CalibrationResult:
     return flight_result(adjusted(name, seed))
 
 
-def rules(of: FlightResult) -> set[str]:
-    return {finding.rule for finding in of.result.findings}
+def rules(of: CalibrationResult) -> set[str]:
+    return {finding.rule for finding in of.findings}
 
 
 def near(tracks: Tracks, scene: Scene) -> Scene:
@@ -135,7 +136,7 @@ def test_the_search_ends_at_the_minimum_of_a_long_valley() -> None:
 
 @pytest.mark.parametrize("name", every(2, ["two heights, flat, RTK", "oblique, relief, no GPS"]))
 def test_a_good_flight_finds_the_camera_within_what_it_states(name: str) -> None:
-    result = judged(name).result
+    result = judged(name)
     quality = result.calibration.quality
     assert quality is not None
     assert quality.covariance is not None
@@ -150,7 +151,7 @@ def test_a_good_flight_finds_the_camera_within_what_it_states(name: str) -> None
 
 
 def test_a_flight_at_two_heights_with_good_positions_passes() -> None:
-    result = judged("two heights, flat, RTK").result
+    result = judged("two heights, flat, RTK")
     assert result.verdict is BoardVerdict.PASS, result.rules
 
 
@@ -173,7 +174,7 @@ def test_what_sigma_lacks_is_told_and_the_camera_is_not_kept_fixed(
             raise fault
 
     monkeypatch.setattr(f"calibrary.sfm.sigma.{part}", fails)
-    result = flight_result(adjusted("two heights, flat, RTK")).result
+    result = flight_result(adjusted("two heights, flat, RTK"))
     assert result.verdict is BoardVerdict.PROVISIONAL
     told = next(one for one in result.findings if one.rule == "unknown-uncertainty")
     assert said in told.message
@@ -215,11 +216,11 @@ def test_beside_a_lens_that_may_not_be_chosen_the_others_are_searched_to_their_e
 @pytest.mark.thorough
 def test_a_lens_that_no_model_has_keeps_the_simpler_one_and_its_focal_length() -> None:
     judged = flight_result(adjust(*fly(changed(PLANS["two heights, relief"], ripple_px=0.25), 101)))
-    assert judged.result.calibration.distortion is not None
-    assert judged.result.calibration.distortion.model == "brown"
-    quality = judged.result.calibration.quality
+    assert judged.calibration.distortion is not None
+    assert judged.calibration.distortion.model == "brown"
+    quality = judged.calibration.quality
     assert quality is not None
-    assert judged.result.calibration.intrinsics.fx == pytest.approx(1123.5, abs=3 * quality.std["fx"])
+    assert judged.calibration.intrinsics.fx == pytest.approx(1123.5, abs=3 * quality.std["fx"])
 
 
 @pytest.mark.thorough
@@ -234,8 +235,8 @@ def test_outliers_do_not_count() -> None:
 @pytest.mark.parametrize("name", every(2, ["flat, one height", "flat, cross strips"]))
 def test_a_flat_flight_at_one_height_never_passes_and_says_what_to_fly(name: str) -> None:
     found = judged(name)
-    assert found.result.verdict is not BoardVerdict.PASS
-    weak = next(one for one in found.result.findings if one.rule == "focal-length-or-height")
+    assert found.verdict is not BoardVerdict.PASS
+    weak = next(one for one in found.findings if one.rule == "focal-length-or-height")
     assert "cannot be told apart" in weak.message
     assert "one height" in weak.message
     assert "straight down" in weak.message
@@ -247,17 +248,17 @@ def test_a_flat_flight_at_one_height_never_passes_and_says_what_to_fly(name: str
 @pytest.mark.thorough
 def test_what_to_fly_is_what_the_flight_lacks() -> None:
     found = judged("oblique, noise 0.8, 8 % out")
-    assert found.uncertainty.geometry.tilt_deg > 20
-    wide = next(one for one in found.result.findings if one.rule == "uncertain-focal-length")
+    assert flown_of(found).geometry.tilt_deg > 20
+    wide = next(one for one in found.findings if one.rule == "uncertain-focal-length")
     assert wide.remedy is not None
     assert "30°" not in wide.remedy
-    assert ("second height" in wide.remedy) == (found.uncertainty.geometry.height_ratio < 1.15)
+    assert ("second height" in wide.remedy) == (flown_of(found).geometry.height_ratio < 1.15)
 
 
 def test_geometry_is_told_from_what_was_flown() -> None:
     flat, good = (
-        judged("flat, one height").uncertainty.geometry,
-        judged("two heights, flat, RTK").uncertainty.geometry,
+        flown_of(judged("flat, one height")).geometry,
+        flown_of(judged("two heights, flat, RTK")).geometry,
     )
     assert flat.height_ratio < 1.1
     assert good.height_ratio > 1.4
@@ -278,7 +279,7 @@ def test_a_flight_is_judged_alike_whatever_the_camera_resolves() -> None:
 
 
 def test_halves_of_images_with_noise_alone_agree() -> None:
-    split = judged("two heights, flat, RTK").uncertainty.halves
+    split = judged("two heights, flat, RTK").halves
     assert split is not None
     assert 0.3 < split.kappa2 < 2.0
 

@@ -109,7 +109,7 @@ def test_a_flight_that_its_tags_describe_wrongly_is_noticed() -> None:
             K=replace(CAMERA, intrinsics=replace(K, fx=K.fx * 2, fy=K.fy * 2), distortion=None), zoom=2.0
         ),
     }.items():
-        result = flight_result(found, claim=claim).result
+        result = flight_result(found, claim=claim)
         rules[what] = set(result.rules) & set(Kind)
         assert all(one in {finding.rule for finding in result.findings} for one in rules[what])
     assert rules == {"nothing": set(), "the truth": set(), "no lens": {PRESENT}, "zoom": {ZOOMED}}

@@ -111,10 +111,10 @@ def test_sigma_is_smaller_with_points_of_different_heights_and_the_datum() -> No
 def test_flat_ground_from_one_height_is_refused_with_points_on_it_too() -> None:
     plan = replace(PLANS["flat, one height"], points=300)
     found = flight_result(adjusted(replace(survey(plan, SEED), offset_std_m=0.02), plan))
-    assert found.result.verdict is BoardVerdict.REFUSE
-    assert "focal-length-or-height" in {finding.rule for finding in found.result.findings}
-    assert found.result.flown is not None
-    assert found.result.flown.control is not None
+    assert found.verdict is BoardVerdict.REFUSE
+    assert "focal-length-or-height" in {finding.rule for finding in found.findings}
+    assert found.flown is not None
+    assert found.flown.control is not None
 
 
 # What is wrong with the points: who is left out, or what is said
@@ -183,7 +183,7 @@ def test_what_is_wrong_is_left_out_by_name(
         assert len(named) == sum(
             given.names[one.point] in {point for point, _ in named} for one in wrong.marks
         )
-    finding = next(one for one in flight_result(found).result.findings if one.rule == "marks-rejected")
+    finding = next(one for one in flight_result(found).findings if one.rule == "marks-rejected")
     assert found.control.rejected[0].image in finding.message
     assert (
         abs(found.bundle.scene.parameters[0] - CAMERA.intrinsics.fx)
@@ -267,7 +267,7 @@ def test_points_worse_than_stated_count_for_less() -> None:
     assert found.control is not None
     assert 1.5 < found.control.worse < 8.0
     assert found.control.points >= 4
-    assert "points-less-certain" in {one.rule for one in flight_result(found).result.findings}
+    assert "points-less-certain" in {one.rule for one in flight_result(found).findings}
 
 
 def test_images_that_show_several_points_are_chosen() -> None:

@@ -12,10 +12,11 @@ import pytest
 
 from calibrary.arrays import FloatArray
 from calibrary.calib.lens_models import Solvable
+from calibrary.calib.result import CalibrationResult
 from calibrary.records import replace
 from calibrary.sfm import ripple
 from calibrary.sfm.adjust import Adjustment, adjust
-from calibrary.sfm.assessment import FlightResult, flight_result
+from calibrary.sfm.assessment import flight_result
 from calibrary.sfm.bundle import Bundle, lens_block, linearise, projections, reduce, unmoved, with_own
 from calibrary.sfm.nuisances import (
     HEIGHT_SCALE,
@@ -29,7 +30,7 @@ from calibrary.sfm.nuisances import (
 )
 from calibrary.sfm.tracks import Scene, Tracks, aligned
 from tests.jobs.extract.fleet import picture
-from tests.sfm.flights import CAMERA, PLANS, Plan, courses, fly
+from tests.sfm.flights import CAMERA, PLANS, Plan, courses, flown_of, fly
 
 TWO_HEIGHTS = changed(PLANS["two heights, flat, RTK"], points=500)
 METRES = changed(PLANS["two heights, relief"], gps_m=(1.0, 1.5), points=500)
@@ -46,20 +47,26 @@ def adjusted(plan: Plan) -> Adjustment:
 
 
 @cache
-def flown(plan: Plan) -> FlightResult:
+def flown(plan: Plan) -> CalibrationResult:
     return flight_result(adjusted(plan))
 
 
-def scores(of: FlightResult) -> dict[str, float]:
+def scores(of: CalibrationResult) -> dict[str, float]:
     """The true error of each number, in its stated σ × κ."""
-    quality, K = of.result.calibration.quality, of.result.calibration.intrinsics
+    quality, K = of.calibration.quality, of.calibration.intrinsics
     assert quality is not None
     std = {name: quality.std[name] * float(np.sqrt(quality.inflation)) for name in NAMES}
     return {name: (getattr(K, name) - getattr(CAMERA.intrinsics, name)) / std[name] for name in NAMES}
 
 
-def nuisance(of: FlightResult, name: str) -> tuple[float, float]:
-    one = next(one for one in of.uncertainty.nuisances if one.name.startswith(name))
+def noise_of(result: CalibrationResult) -> float:
+    """Standard deviation of fx without the variance factor, px."""
+    assert result.calibration.quality is not None
+    return result.calibration.quality.std["fx"]
+
+
+def nuisance(of: CalibrationResult, name: str) -> tuple[float, float]:
+    one = next(one for one in flown_of(of).nuisances if one.name.startswith(name))
     return one.value, one.std
 
 
@@ -98,25 +105,25 @@ def test_the_travel_during_a_readout_is_found() -> None:
 
 def test_a_readout_without_positions_is_a_share_of_the_height() -> None:
     found = flown(FAULTS["rolling shutter without positions"])
-    one = next(one for one in found.uncertainty.nuisances if one.name.startswith("travel"))
+    one = next(one for one in flown_of(found).nuisances if one.name.startswith("travel"))
     assert one.unit == "‰ of the flying height"
     assert abs(one.value - 1000 * 0.3 / 80) < 3 * one.std < 6
 
 
 def test_a_mechanical_shutter_has_no_readout_to_find() -> None:
     found = flight_result(adjust(*fly(OBLIQUE, 1), readout_s=(0.0, 0.0)))
-    assert [one.name for one in found.uncertainty.nuisances if one.name.startswith("travel")] == []
+    assert [one.name for one in flown_of(found).nuisances if one.name.startswith("travel")] == []
 
 
 @pytest.mark.thorough
 def test_positions_of_metres_say_nothing_of_levers_and_heights() -> None:
     found = flown(METRES)
-    assert [one.name for one in found.uncertainty.nuisances] == ["travel during the readout"]
+    assert [one.name for one in flown_of(found).nuisances] == ["travel during the readout"]
 
 
 def test_what_cannot_be_told_apart_from_the_principal_point_is_said() -> None:
     one_height = flown(Plan(gps_m=(0.02, 0.03)))
-    lever = next(one for one in one_height.uncertainty.nuisances if one.name.startswith("positions ahead"))
+    lever = next(one for one in flown_of(one_height).nuisances if one.name.startswith("positions ahead"))
     assert lever.trades_with == "cy"
     assert lever.words.endswith("cannot be told apart from cy, whose σ includes it")
 
@@ -124,7 +131,7 @@ def test_what_cannot_be_told_apart_from_the_principal_point_is_said() -> None:
 @pytest.mark.thorough
 def test_a_lens_that_departs_from_every_model_widens_sigma() -> None:
     straight, rippled = flown(OBLIQUE), flown(changed(OBLIQUE, ripple_px=0.6))
-    std = [of.uncertainty.covariance.matrix[0, 0] ** 0.5 for of in (straight, rippled)]
+    std = [noise_of(of) for of in (straight, rippled)]
     assert std[1] > 2 * std[0]
 
 
@@ -133,7 +140,7 @@ def test_a_principal_point_that_wanders_from_image_to_image_widens_sigma() -> No
     tracks, scene = fly(OBLIQUE, 1)
     wander = np.random.default_rng(1).normal(0, 3.0, (len(tracks.names), 2))
     moved = flight_result(adjust(replace(tracks, pixels=tracks.pixels + wander[tracks.image]), scene))
-    std = [of.uncertainty.covariance.matrix[0, 0] ** 0.5 for of in (flown(OBLIQUE), moved)]
+    std = [noise_of(of) for of in (flown(OBLIQUE), moved)]
     assert std[1] > 2 * std[0]
     assert all(abs(score) < 3 for score in scores(moved).values())
 
@@ -299,14 +306,14 @@ def test_without_an_image_nothing_is_known_of_a_readout(tmp_path: Path) -> None:
 def test_a_shutter_that_is_known_leaves_less_to_find() -> None:
     tracks, start = fly(TWO_HEIGHTS, 1)
     known = flight_result(adjust(tracks, start, readout_s=(0.0, 0.0)))
-    quality, less = known.result.calibration.quality, flown(TWO_HEIGHTS).result.calibration.quality
+    quality, less = known.calibration.quality, flown(TWO_HEIGHTS).calibration.quality
     assert quality is not None
     assert less is not None
     assert quality.std["fy"] < less.std["fy"]
 
 
 def test_a_travel_that_differs_from_image_to_image_widens_the_camera() -> None:
-    still, moving = (flown(changed(OBLIQUE, readout_s=readout)).result.calibration for readout in (0.0, 0.04))
+    still, moving = (flown(changed(OBLIQUE, readout_s=readout)).calibration for readout in (0.0, 0.04))
     assert still.quality is not None
     assert moving.quality is not None
     assert moving.quality.std["cx"] > 1.1 * still.quality.std["cx"]

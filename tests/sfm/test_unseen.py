@@ -18,12 +18,13 @@ from calibrary.arrays import BoolArray
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.model_choice import RivalLens
 from calibrary.calib.projection_difference import projection_difference
+from calibrary.calib.result import CalibrationResult
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Covariance
 from calibrary.distortion import Rational
 from calibrary.records import replace
 from calibrary.sfm.adjust import adjust
-from calibrary.sfm.assessment import FlightResult, flight_result
+from calibrary.sfm.assessment import flight_result
 from calibrary.sfm.tracks import Tracks
 from calibrary.validation import Finding
 from tests.sfm.flights import CAMERA, FISHEYE, PLANS, fly
@@ -59,15 +60,15 @@ def seen(tracks: Tracks, part: str) -> BoolArray:
 
 
 @cache
-def flown(lens: str, part: str) -> FlightResult:
+def flown(lens: str, part: str) -> CalibrationResult:
     """What a flight tells whose images show points in a part of the frame only."""
     tracks, start = fly(OBLIQUE, 3, LENSES[lens])
     return flight_result(adjust(tracks.only(seen(tracks, part)), start))
 
 
-def apart(lens: str, of: FlightResult) -> float:
+def apart(lens: str, of: CalibrationResult) -> float:
     """The largest difference to the true camera over the whole frame, px, the camera turned by what is known best."""
-    found = of.result.calibration
+    found = of.calibration
     assert found.quality is not None
     known = found.quality.covariance
     assert known is not None
@@ -76,8 +77,8 @@ def apart(lens: str, of: FlightResult) -> float:
     return projection_difference(LENSES[lens], found, covariances=(exact, by), trusted_px=math.inf).max_px
 
 
-def edge(of: FlightResult) -> Finding | None:
-    return next((one for one in of.result.findings if one.rule == "uncertain-edge"), None)
+def edge(of: CalibrationResult) -> Finding | None:
+    return next((one for one in of.findings if one.rule == "uncertain-edge"), None)
 
 
 @pytest.mark.parametrize(
@@ -86,7 +87,7 @@ def edge(of: FlightResult) -> Finding | None:
 )
 def test_a_lens_that_is_known_in_all_of_the_frame_is_kept_fixed(lens: str, part: str) -> None:
     found = flown(lens, part)
-    assert found.result.verdict is BoardVerdict.PASS, found.result.rules
+    assert found.verdict is BoardVerdict.PASS, found.rules
     assert apart(lens, found) < 1.5
 
 
@@ -96,7 +97,7 @@ def test_a_lens_that_is_seen_in_the_middle_only_is_a_start(lens: str) -> None:
     found = flown(lens, "centre")
     assert apart(lens, found) > 5
     told = edge(found)
-    assert found.result.verdict is BoardVerdict.PROVISIONAL
+    assert found.verdict is BoardVerdict.PROVISIONAL
     assert told is not None
     assert re.search(r"no point was seen in [34]\d% of the frame", told.message), told.message
     assert told.remedy is not None
@@ -108,9 +109,9 @@ def test_a_lens_beside_which_another_does_as_well_is_a_start() -> None:
     """A fisheye is chosen for a rational lens, which gains too little where points are: it is off in a corner."""
     found = flown("rational", "whole")
     told = edge(found)
-    assert found.result.model is Solvable.FISHEYE
+    assert found.model is Solvable.FISHEYE
     assert apart("rational", found) > 3
-    assert found.result.verdict is BoardVerdict.PROVISIONAL
+    assert found.verdict is BoardVerdict.PROVISIONAL
     assert told is not None
     assert "a rational lens explains the images as well" in told.message
 
@@ -126,7 +127,7 @@ def test_what_a_rival_differs_by_is_in_sigma_as_far_as_it_is_plausible() -> None
         rivals = tuple(
             RivalLens(model=Solvable.BROWN, parameters=moved, beside=lens, weight=one) for one in weights
         )
-        found = flight_result(replace(alone, rivals=rivals)).result.evidence.edge_px
+        found = flight_result(replace(alone, rivals=rivals)).evidence.edge_px
         assert found is not None
         return found
 

@@ -7,17 +7,16 @@ from itertools import islice
 from typing import Final
 
 import numpy as np
-from msgspec import Struct
 
 from calibrary.arrays import BoolArray
 from calibrary.calib.adjustment import Adjusted
-from calibrary.calib.assessment import Joint, Solved, assess, notes_of
+from calibrary.calib.assessment import Joint, Solved, assess
 from calibrary.calib.network import Network, State, linearise
 from calibrary.calib.observations import ControlPoints, Observations, View
 from calibrary.calib.result import CalibrationResult, ControlFit, FlightGeometry, Flown, OddMark
 from calibrary.calib.solve import Solution
-from calibrary.calib.verdict import FOCAL, LIMITS, BoardVerdict, Subject
-from calibrary.calib.verdict_rules import graver_first, size_share
+from calibrary.calib.verdict import FOCAL, LIMITS, Subject
+from calibrary.calib.verdict_rules import size_share
 from calibrary.calibration import CameraKey, Grade
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
@@ -51,18 +50,6 @@ WORSE_WANTED: Final = 1.5
 MM: Final = 1000.0
 
 
-class FlightResult(Struct, frozen=True, kw_only=True, eq=False):
-    """A calibration from a flight.
-
-    Attributes:
-        result: as for a board, with the points of the reconstruction in place of the board.
-        uncertainty: its components.
-    """
-
-    result: CalibrationResult
-    uncertainty: CameraUncertainty
-
-
 def flight_result(
     found: Adjustment,
     *,
@@ -72,8 +59,8 @@ def flight_result(
     versions: Mapping[str, str] | None = None,
     claim: Claim | None = None,
     left_out: int = 0,
-) -> FlightResult:
-    """Assess the camera: uncertainty, findings and verdict.
+) -> CalibrationResult:
+    """Assess the camera as one from a board, with the points of the reconstruction in place of the board.
 
     Args:
         found: result of the adjustment.
@@ -120,6 +107,12 @@ def flight_result(
         joint=Joint(covariance=known.covariance, halves=known.halves, rivals=found.rivals),
         versions=versions,
         subject=_subject(known.geometry),
+        further=(
+            *_judged(known, len(images)),
+            *(_of_control(found.control) if found.control is not None else ()),
+            *(_as_stated(claim, found, known) if claim is not None else ()),
+            *_of_help(found, known, left_out),
+        ),
     )
     by = scale / size_share(observations.image_size)
     limits = replace(
@@ -131,37 +124,19 @@ def flight_result(
         kappa2_fixed=LIMITS.kappa2_wanted,
     )
     result = assess(solved, limits)
-    flown = Flown(
-        geometry=known.geometry,
-        fx_held=float(known.held.parameters[0]) if known.held is not None else None,
-        held_weight=known.held.weight if known.held is not None else 0.0,
-        chosen=chosen,
-        control=found.control,
-        nuisances=known.nuisances,
-    )
-    findings = graver_first(
-        (
-            *result.findings,
-            *_judged(known, len(images), result.calibration.intrinsics.fx),
-            *(_of_control(found.control) if found.control is not None else ()),
-            *(_as_stated(claim, found, known) if claim is not None else ()),
-            *_of_help(found, known, left_out),
-        )
-    )
-    refused = BoardVerdict.of(findings) is BoardVerdict.REFUSE
-    calibration = replace(
-        result.calibration,
-        grade=Grade.SEED if refused else Grade.ADJUSTED,
-        notes=tuple(notes_of(findings)),
-        provenance=replace(
-            result.calibration.provenance,
-            kind=FLIGHT,
-            source=None,
-            tag=f"{len(images)} images, {len(observations.board.points)} points",
+    tag = f"{len(images)} images, {len(observations.board.points)} points"
+    made = replace(result.calibration.provenance, kind=FLIGHT, source=None, tag=tag)
+    return replace(
+        result,
+        calibration=replace(result.calibration, provenance=made),
+        flown=Flown(
+            geometry=known.geometry,
+            fx_held=float(known.held.parameters[0]) if known.held is not None else None,
+            held_weight=known.held.weight if known.held is not None else 0.0,
+            chosen=chosen,
+            control=found.control,
+            nuisances=known.nuisances,
         ),
-    )
-    return FlightResult(
-        result=replace(result, calibration=calibration, findings=findings, flown=flown), uncertainty=known
     )
 
 
@@ -246,10 +221,11 @@ def _subject(geometry: FlightGeometry) -> Subject:
         point="point",
         frames="images",
         remedies=_REMEDIES | {FOCAL: _to_fly(geometry)},
+        grade=Grade.ADJUSTED,
     )
 
 
-def _judged(known: CameraUncertainty, images: int, fx: float) -> Iterator[Finding]:
+def _judged(known: CameraUncertainty, images: int) -> Iterator[Finding]:
     """Yield the findings about the geometry of a flight."""
     geometry, std = known.geometry, known.focal_std
     if images < FEW_IMAGES:
@@ -273,7 +249,7 @@ def _judged(known: CameraUncertainty, images: int, fx: float) -> Iterator[Findin
             + f". A tenth of a pixel of systematic error, in images reduced to {FEATURE_SIDE} px, may move fx by "
             f"{geometry.focal_by_px / 10:.0%}; "
             + (
-                f"fx = {fx:.0f} px within {3 * std:.0%} (3 σ), all of that included"
+                f"fx = {known.fx:.0f} px within {3 * std:.0%} (3 σ), all of that included"
                 if 3 * std < 1
                 else "not even its order of magnitude is certain"
             ),

@@ -21,9 +21,7 @@ from tests.sfm.flights import Plan, fly
 @pytest.fixture(scope="module")
 def flat() -> CalibrationResult:
     """Straight down, within few degrees."""
-    return flight_result(
-        adjust(*fly(Plan(relief=0.02, rows=2, columns=4, points=250, outliers=0.0), 1))
-    ).result
+    return flight_result(adjust(*fly(Plan(relief=0.02, rows=2, columns=4, points=250, outliers=0.0), 1)))
 
 
 @pytest.mark.parametrize("degrees", [0.0, 60.0])

@@ -122,14 +122,15 @@ def calibrate(
     'few-views'
     """
     from calibrary.calib.board import parse_board
+    from calibrary.calib.corners_file import encode_corners
     from calibrary.calib.lens_models import Solvable
     from calibrary.calib.verdict import AskedUse
     from calibrary.calibration import Origin
     from calibrary.extras import CALIBRATE, require
     from calibrary.jobs.calibrate import run
     from calibrary.jobs.calibrate.frames import recorded
-    from calibrary.jobs.calibrate.outputs import Outputs
-    from calibrary.jobs.calibrate.report import Asked, report_of
+    from calibrary.jobs.calibrate.outputs import Outputs, file_to_write
+    from calibrary.jobs.calibrate.report import Asked, encoder, report_of
     from calibrary.records import replace
 
     given = paths(frames)
@@ -144,7 +145,8 @@ def calibrate(
         )
     if marker_mm is not None and square_mm is None:
         raise UsageError("--marker-mm needs the size of the squares too: say --square-mm MM")
-    outputs = Outputs.of(html=html, corners=keep_corners, out=out, to=to)
+    kept = file_to_write(keep_corners, "--corners", ".json")
+    outputs = Outputs.of(encoder, html=html, corners=kept, out=out, to=to)
     require(CALIBRATE, "a calibration")
     Solvable.named(lens_model)
     told = run.Told(
@@ -191,7 +193,11 @@ def calibrate(
             corners_to=outputs.corners,
         )
         report = report_of(result, detections, asked)
-        return outputs.write(report, partial(view_of, detections=detections), detections.observations)
+        return outputs.write(
+            report,
+            partial(view_of, detections=detections),
+            lambda path: {path: encode_corners(detections.observations)},
+        )
 
 
 def write_board(

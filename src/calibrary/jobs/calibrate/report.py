@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Final, Literal
 
+from calibrary import parsers
 from calibrary.calib.board import Board
 from calibrary.calib.board_shape import Stretch
 from calibrary.calib.detection import Detections, NamedRemark
@@ -15,13 +17,15 @@ from calibrary.calib.model_choice import Candidate
 from calibrary.calib.result import CalibrationResult, Flown, Rows, ViewResult, finite, rows
 from calibrary.calib.verdict import AskedUse, BoardVerdict, Limits, Uses
 from calibrary.calibration import Calibration, CameraKey
-from calibrary.errors import InputError
+from calibrary.errors import InputError, UsageError
+from calibrary.jobs.calibrate.outputs import Encode
+from calibrary.parsers.writing import format_to_write
 from calibrary.records import Record, replace, to_json
 from calibrary.registry.entry import VERDICT_BLOCK, Entry, seal
 from calibrary.strictyaml import YamlValue
 from calibrary.validation import Finding
 
-__all__ = ["Asked", "BoardVerdict", "CalibrateReport", "Warp", "report_of", "require_key"]
+__all__ = ["Asked", "BoardVerdict", "CalibrateReport", "Warp", "encoder", "report_of", "require_key"]
 
 ON_BOARD: Final = "board"
 """Kind of provenance of calibrations that name their frames."""
@@ -225,6 +229,29 @@ def report_of(result: CalibrationResult, detections: Detections, asked: Asked) -
         date_origin=result.date_origin,
         flown=result.flown,
     )
+
+
+def encoder(to: str | None, file: Path) -> Encode[CalibrateReport]:
+    """Return what writes K and distortion in a format, or in that of the file's suffix.
+
+    Raises:
+        UsageError: the format has no place for a distortion.
+        InputError: there is no such format, or the suffix does not determine one.
+    """
+    record = format_to_write(to, file, flag="--to")
+    if record.capacity is not None and not record.capacity.has_lens:
+        raise UsageError(
+            f"a {record.name} file has no place for the distortion that a calibration finds; expected another "
+            "format, from which 'calibrary convert' makes such a file with --drop-distortion",
+            source=str(file),
+            place="--out",
+        )
+
+    def encode(report: CalibrateReport, name: str) -> tuple[bytes, CalibrateReport]:
+        content, verdict = parsers.encode([report.calibration], record, name=name)
+        return content, replace(report, dropped=tuple(verdict.dropped))
+
+    return encode
 
 
 def require_key(camera: CameraKey) -> None:

@@ -288,11 +288,20 @@ def solved(
             raise
         write_corners(seen, corners_to)
         raise CalibrationError(f"{error}; the corners are kept in {corners_to.name}") from None
-    day, origin = calibration_date(told.stated.date, seen.taken, datetime.now(UTC).date())
-    made, file = result.calibration.provenance, corners_to or corners_from
-    made = replace(made, source=file.name if file is not None else made.source, date=day.isoformat())
-    calibration = replace(result.calibration, provenance=told.stated.of(made))
-    return replace(result, calibration=calibration, date_origin=origin)
+    file = corners_to or corners_from
+    return dated(result, told.stated, file.name if file is not None else None)
+
+
+def dated(result: CalibrationResult, stated: Stated, source: str | None = None) -> CalibrationResult:
+    """Return the result with its day and operator, and with the file that its corners are from."""
+    taken, day, origin = result.observations.taken, None, "the images state none; --date gives it"
+    # Frames of a board are taken for the calibration, images of a flight need not be.
+    if result.flown is None or stated.date is not None or taken is not None:
+        found, origin = calibration_date(stated.date, taken, datetime.now(UTC).date())
+        day = found.isoformat()
+    made = result.calibration.provenance
+    made = stated.of(replace(made, source=source or made.source, date=day))
+    return replace(result, calibration=replace(result.calibration, provenance=made), date_origin=origin)
 
 
 def calibration_date(stated: date | None, taken: Days | None, today: date) -> tuple[date, str]:

@@ -112,7 +112,7 @@ def calibrate_flight(
     from calibrary.extras import SFM, require
     from calibrary.jobs.calibrate.frames import describe_frames, find_frames
     from calibrary.jobs.calibrate.outputs import Outputs
-    from calibrary.jobs.calibrate.report import Asked, report_of, require_key
+    from calibrary.jobs.calibrate.report import Asked, encoder, report_of, require_key
     from calibrary.jobs.calibrate.run import Told, not_in_future, stated_camera
     from calibrary.jobs.calibrate_flight.reconstruction import MOST_IMAGES, solve_reconstruction
     from calibrary.jobs.calibrate_flight.run import FlightOptions, read_control, solve_images, starting_k
@@ -130,7 +130,7 @@ def calibrate_flight(
         raise UsageError("--camera is of a reconstruction by several cameras, --from FOLDER without DIR")
     if result_of is None:
         require(SFM, "a calibration from a flight")
-    outputs = Outputs.of(html=html, out=out, to=to)
+    outputs = Outputs.of(encoder, html=html, out=out, to=to)
     told = Told(
         camera=stated_camera(camera, registry, as_),
         focus=focus,
@@ -158,4 +158,4 @@ def calibrate_flight(
         model=lens_model, warp=False, guess_fx=options.start.fx if options.start is not None else None
     )
     report = report_of(result, detections, asked)
-    return outputs.write(report, partial(view_of, detections=detections), detections.observations)
+    return outputs.write(report, partial(view_of, detections=detections), lambda _: {})

@@ -9,17 +9,15 @@ from typing import Final
 import numpy as np
 
 from calibrary.arrays import BoolArray
-from calibrary.calib.observations import ControlPoints, Observations, View
 from calibrary.calib.result import CalibrationResult
 from calibrary.calib.verdict_rules import graver_first
-from calibrary.calibration import Calibration, CameraKey
+from calibrary.calibration import Calibration
 from calibrary.errors import InputError
 from calibrary.extras import programs
 from calibrary.jobs.calibrate.frames import FrameMetadata, describe_frames, without_resaved
 from calibrary.jobs.calibrate.run import Told
-from calibrary.jobs.calibrate_flight.run import MOST_POINTS, FlightOptions, SolvedFlight
+from calibrary.jobs.calibrate_flight.run import MOST_POINTS, FlightOptions, SolvedFlight, described
 from calibrary.jobs.files import choose
-from calibrary.parsers.files import sha256_of
 from calibrary.parsers.imagery.taken import Fix, fix_of
 from calibrary.progress import stage
 from calibrary.records import replace
@@ -31,7 +29,7 @@ from calibrary.sfm.image_selection import RECEIVER_STD_M, geodetic
 from calibrary.sfm.nuisances import readout_of
 from calibrary.sfm.opensfm_folder import is_opensfm_folder, read_opensfm
 from calibrary.sfm.reconstruction import Reconstruction, scene_of
-from calibrary.sfm.tracks import FEWEST_IMAGES, Positions, Tracks, thinned
+from calibrary.sfm.tracks import FEWEST_IMAGES, Positions, thinned
 from calibrary.validation import Finding, Severity
 
 MOST_IMAGES: Final = 60
@@ -85,12 +83,11 @@ def solve_reconstruction(
         )
     return SolvedFlight(
         found=found,
-        about=_about(tracks, metadata, paths, told),
+        about=described({name: paths.get(name) for name in tracks.names}, tracks.image_size, metadata, told),
         scale=max(1.0, max(tracks.image_size) / model.looked_px),
         chosen=f"{len(tracks.names)} of {int(taken.sum())} of this camera in the result of {model.program}",
         left_out=int(taken.sum()) - len(tracks.names),
         versions=programs(),
-        metadata=metadata,
         survey=survey,
         skipped=resaved.remarks,
         notes=(*metadata.notes, *resaved.notes),
@@ -137,34 +134,6 @@ def _positions(model: Reconstruction, paths: dict[str, Path]) -> tuple[Positions
     places[rows] = frame.metres(stated)
     std[rows] = [fix.std_m or RECEIVER_STD_M for fix in fixes.values()]
     return Positions(places=places, std=std), frame
-
-
-def _about(tracks: Tracks, metadata: FrameMetadata, paths: dict[str, Path], told: Told) -> Observations:
-    """Return what is known of the camera, and the hashes of the available images, as observations without points."""
-    nothing, setting = np.empty(0, dtype=np.intp), metadata.setting
-    if setting is not None and setting.image_size != tracks.image_size:
-        raise InputError(
-            "the images are of {}×{} px, and the reconstruction's camera of {}×{}: give the images that it was made "
-            "from".format(*setting.image_size, *tracks.image_size)
-        )
-    camera = setting.camera if setting is not None else told.camera(CameraKey(image_size=tracks.image_size))
-    return Observations(
-        board=ControlPoints(points=np.empty((0, 3))),
-        image_size=tracks.image_size,
-        views=tuple(
-            View(
-                name=name,
-                sha256=sha256_of(paths[name]) if name in paths else None,
-                ids=nothing,
-                image_points=np.empty((0, 2)),
-            )
-            for name in tracks.names
-        ),
-        camera=camera,
-        focus=setting.focus if setting is not None else told.focus,
-        firmware=camera.firmware,
-        taken=metadata.taken,
-    )
 
 
 def _of_program(result: CalibrationResult, model: Reconstruction, stated: Calibration) -> CalibrationResult:

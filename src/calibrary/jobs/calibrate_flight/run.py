@@ -6,7 +6,6 @@ import math
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
@@ -18,8 +17,9 @@ from calibrary.calib.found import Reason
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.observations import ControlPoints, Observations, View
 from calibrary.calib.result import CalibrationResult
-from calibrary.calibration import ImageSize, Intrinsics
-from calibrary.errors import CalibrationError, FrameError, InputError, UsageError
+from calibrary.calib.start import seed
+from calibrary.calibration import CameraKey, ImageSize, Intrinsics
+from calibrary.errors import FrameError, InputError, UsageError
 from calibrary.extras import programs
 from calibrary.jobs.calibrate.frames import (
     FrameMetadata,
@@ -27,7 +27,7 @@ from calibrary.jobs.calibrate.frames import (
     without_other_sizes,
     without_resaved,
 )
-from calibrary.jobs.calibrate.run import Told, calibration_date, read_seed
+from calibrary.jobs.calibrate.run import Told, dated, read_seed
 from calibrary.jobs.calibrate_flight import GroundControl
 from calibrary.jobs.extract.pixels import claim_of_image
 from calibrary.parsers.files import sha256_of
@@ -49,8 +49,6 @@ from calibrary.sfm.tracks import FEWEST_IMAGES, thinned
 
 MOST_POINTS: Final = 6000
 """Largest number of points; more would reduce σ below the effect of systematic errors."""
-FOCAL_OF_WIDTH: Final = 0.8
-"""Initial focal length if nothing is known, as a share of the longer side."""
 
 
 class FlightOptions(Struct, frozen=True, kw_only=True):
@@ -121,7 +119,7 @@ def starting_k(
         raise InputError(
             f"{focal:g} px is not a focal length of images of {size[0]}×{size[1]} px", place="--start"
         )
-    return Intrinsics(fx=focal, fy=focal, cx=size[0] / 2, cy=size[1] / 2, image_size=size)
+    return replace(seed(size), fx=focal, fy=focal)
 
 
 class SolvedFlight(Struct, frozen=True, kw_only=True, eq=False):
@@ -135,7 +133,6 @@ class SolvedFlight(Struct, frozen=True, kw_only=True, eq=False):
         versions: versions of the programs used.
         left_out: number of images that were not chosen.
         claim: the stated camera; None if nothing is stated.
-        metadata: what the images have in common.
         survey: ground control.
         skipped: images that were not used.
         notes: on the images.
@@ -149,7 +146,6 @@ class SolvedFlight(Struct, frozen=True, kw_only=True, eq=False):
     left_out: int = 0
     versions: Mapping[str, str]
     claim: Claim | None = None
-    metadata: FrameMetadata
     survey: Survey | None = None
     skipped: tuple[NamedRemark, ...] = ()
     notes: tuple[str, ...] = ()
@@ -161,7 +157,7 @@ class SolvedFlight(Struct, frozen=True, kw_only=True, eq=False):
         Raises:
             CalibrationError: the images do not determine a camera.
         """
-        flight = flight_result(
+        result = flight_result(
             self.found,
             about=self.about,
             scale=self.scale,
@@ -170,7 +166,9 @@ class SolvedFlight(Struct, frozen=True, kw_only=True, eq=False):
             claim=self.claim,
             left_out=self.left_out,
         )
-        result = dated(self.finish(flight.result), told, self.metadata, self.survey)
+        result = dated(self.finish(result), told.stated)
+        if self.survey is not None:
+            result = _with_control_of(self.survey, result)
         placed = set(result.rms_by_view)
         remarks = tuple(
             NamedRemark(name=view.name, reason=Reason.NOT_PLACED, message="does not fit to the other images")
@@ -213,7 +211,7 @@ def solve_images(
     taken = _taken(paths, size, progress)
     shown = options.survey.points_of([one.image.name for one in taken]) if options.survey is not None else {}
     chosen = select_images(taken, options.images, shown)
-    start = options.start or _usual(size)
+    start = options.start or seed(size)
     with tempfile.TemporaryDirectory(prefix="calibrary-flight-") as folder:
         with stage(f"matched {len(chosen.pairs)} pairs of {len(chosen.images)} images"):
             matched = match(
@@ -235,13 +233,12 @@ def solve_images(
         found = adjust(tracks, scene, model=options.model, readout_s=readout_of(chosen.images[0].path))
     return SolvedFlight(
         found=found,
-        about=_about(chosen, metadata),
+        about=described({image.name: image.path for image in chosen.images}, size, metadata, told),
         scale=max(1.0, max(size) / options.max_side),
         chosen=_how(chosen, len(paths)),
         left_out=chosen.left_out[0],
         versions=programs("pycolmap"),
         claim=claim_of_image(chosen.images[0].path),
-        metadata=metadata,
         survey=options.survey,
         skipped=(*skipped.remarks, *resaved.remarks),
         notes=(*metadata.notes, *copies, *skipped.notes, *resaved.notes),
@@ -257,11 +254,6 @@ def _without_copies(paths: Sequence[Path]) -> tuple[tuple[Path, ...], tuple[str,
     left = len(paths) - len(seen)
     note = f"{left} of {len(paths)} images are copies of others, byte for byte, and were left out"
     return tuple(seen.values()), (note,) * bool(left)
-
-
-def _usual(size: ImageSize) -> Intrinsics:
-    focal = FOCAL_OF_WIDTH * max(size)
-    return Intrinsics(fx=focal, fy=focal, cx=size[0] / 2, cy=size[1] / 2, image_size=size)
 
 
 def _taken(paths: Sequence[Path], size: ImageSize, progress: Progress | None) -> list[LocatedImage]:
@@ -282,22 +274,36 @@ def _taken(paths: Sequence[Path], size: ImageSize, progress: Progress | None) ->
     return found
 
 
-def _about(chosen: Selection, metadata: FrameMetadata) -> Observations:
-    """Return what the images state of their camera, and their hashes, as observations without points."""
-    if metadata.setting is None:
-        raise CalibrationError("no image can be read")
-    setting = metadata.setting
-    nothing = np.empty(0, dtype=np.intp)
+def described(
+    images: Mapping[str, Path | None], size: ImageSize, metadata: FrameMetadata, told: Told
+) -> Observations:
+    """Return what is known of the camera, and the hashes of its images by name, as observations without points.
+
+    Raises:
+        InputError: the images are not of that size.
+    """
+    nothing, setting = np.empty(0, dtype=np.intp), metadata.setting
+    if setting is not None and setting.image_size != size:
+        raise InputError(
+            "the images are of {}×{} px, and the reconstruction's camera of {}×{}: give the images that it was made "
+            "from".format(*setting.image_size, *size)
+        )
+    camera = setting.camera if setting is not None else told.camera(CameraKey(image_size=size))
     return Observations(
         board=ControlPoints(points=np.empty((0, 3))),
-        image_size=setting.image_size,
+        image_size=size,
         views=tuple(
-            View(name=image.name, sha256=sha256_of(image.path), ids=nothing, image_points=np.empty((0, 2)))
-            for image in chosen.images
+            View(
+                name=name,
+                sha256=sha256_of(path) if path is not None else None,
+                ids=nothing,
+                image_points=np.empty((0, 2)),
+            )
+            for name, path in images.items()
         ),
-        camera=setting.camera,
-        focus=setting.focus,
-        firmware=setting.camera.firmware,
+        camera=camera,
+        focus=setting.focus if setting is not None else told.focus,
+        firmware=camera.firmware,
         taken=metadata.taken,
     )
 
@@ -310,22 +316,15 @@ def _how(chosen: Selection, total: int) -> str:
     return f"{len(chosen.images)} of {total}, {chosen.how}" + (f" ({', '.join(out)})" if out else "")
 
 
-def dated(
-    result: CalibrationResult, told: Told, metadata: FrameMetadata, survey: Survey | None
-) -> CalibrationResult:
-    """Add the date, the operator and the file of ground control to the result."""
-    day, origin = None, "the images state none; --date gives it"
-    if told.stated.date is not None or metadata.taken is not None:
-        found, origin = calibration_date(told.stated.date, metadata.taken, datetime.now(UTC).date())
-        day = found.isoformat()
-    made = told.stated.of(replace(result.calibration.provenance, date=day))
-    flown = result.flown
-    if survey is not None and flown is not None and flown.control is not None:
-        # Not a source: flights over one surveyed field share this file but are still independent.
-        file = survey.file
-        made = replace(
-            made, assumptions=(*made.assumptions, f"the ground control of SHA-256 {file.sha256} is right")
-        )
-        flown = replace(flown, control=replace(flown.control, file=file))
-    calibration = replace(result.calibration, provenance=made)
-    return replace(result, calibration=calibration, flown=flown, date_origin=origin)
+def _with_control_of(survey: Survey, result: CalibrationResult) -> CalibrationResult:
+    """Add the file of ground control. It is no source: flights over one surveyed field are still independent."""
+    made, flown, file = result.calibration.provenance, result.flown, survey.file
+    if flown is None or flown.control is None:
+        return result
+    right = f"the ground control of SHA-256 {file.sha256} is right"
+    made = replace(made, assumptions=(*made.assumptions, right))
+    return replace(
+        result,
+        calibration=replace(result.calibration, provenance=made),
+        flown=replace(flown, control=replace(flown.control, file=file)),
+    )

@@ -18,6 +18,7 @@ from calibrary.arguments import CameraLike, Edge, File, Folder, LensModel, Place
 from calibrary.errors import UsageError
 from calibrary.known_camera import CameraKey
 from calibrary.progress import Progress
+from calibrary.view import view_of
 
 if TYPE_CHECKING:
     from calibrary.calib.corners_arrays import Corners
@@ -96,13 +97,15 @@ def calibrate_rig(
     from calibrary.calib.board import parse_board
     from calibrary.calib.lens_models import Solvable
     from calibrary.extras import CALIBRATE, require
+    from calibrary.jobs.calibrate.outputs import Outputs
     from calibrary.jobs.calibrate.pairing import find_rig
     from calibrary.jobs.calibrate.report import Asked
     from calibrary.jobs.calibrate.run import Told, not_in_future, stated_camera
-    from calibrary.jobs.calibrate_rig.outputs import RigOutputs
-    from calibrary.jobs.calibrate_rig.report import rig_report
+    from calibrary.jobs.calibrate_rig.report import encoder, rig_report
     from calibrary.jobs.calibrate_rig.run import (
+        corner_files,
         detect_rig,
+        folder_of_corners,
         rig_from_arrays,
         rig_from_table,
         saved_rig,
@@ -122,7 +125,7 @@ def calibrate_rig(
         raise UsageError("--pattern and --in-order are two ways to pair frames; give one")
     if (registry is None) is not (rig_name is None):
         raise UsageError("entries of a rig name it: say --registry PATH and --rig-name NAME, or neither")
-    outputs = RigOutputs.of(html=html, corners=keep_corners, out=out, to=to)
+    outputs = Outputs.of(encoder, html=html, corners=folder_of_corners(keep_corners), out=out, to=to)
     require(CALIBRATE, "a calibration")
     Solvable.named(lens_model)
     told = Told(camera=stated_camera(camera, registry), focus=focus, stated=not_in_future(stated))
@@ -140,4 +143,5 @@ def calibrate_rig(
         detections = detect_rig(found, named or square_mm, told, workers=workers, progress=progress)
     asked = Asked(model=lens_model, warp=not flat)
     result = solved_rig(detections, asked, told, corners_from=file)
-    return outputs.write(rig_report(result, detections, asked, compared=other, name=rig_name), detections)
+    report = rig_report(result, detections, asked, compared=other, name=rig_name)
+    return outputs.write(report, view_of, lambda folder: corner_files(detections, folder))

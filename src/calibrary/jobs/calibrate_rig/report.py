@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 
@@ -11,8 +12,10 @@ from calibrary.calib.rig.verdict import RigLimits
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration
 from calibrary.errors import CalibrationError, InputError
+from calibrary.jobs.calibrate.outputs import Encode
 from calibrary.jobs.calibrate.report import Asked, CalibrateReport, report_of
 from calibrary.jobs.calibrate_rig.run import RigDetections
+from calibrary.parsers.rigs import encode_rig, format_of_name
 from calibrary.records import Record, replace
 from calibrary.registry.entry import Entry
 from calibrary.rig import Rig, RigCamera, RigMember, RigPose
@@ -166,6 +169,16 @@ def rig_report(
             for camera, one in result.cameras.items()
         ),
     )
+
+
+def encoder(to: str | None, file: Path) -> Encode[RigReport]:
+    """Return what writes a rig in a format, or in that of the file's name.
+
+    Raises:
+        InputError: no format fits the name.
+    """
+    form = to or format_of_name(file.name)
+    return lambda report, name: (encode_rig(report.rig, form, name), report)
 
 
 def _difference(result: RigResult, other: Rig | None) -> tuple[PoseDifference, ...]:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import json
+import re
 from collections import Counter
 from collections.abc import Mapping
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 from msgspec import Struct
 
+from calibrary.atomic import check_folder
 from calibrary.calib.board import Board
 from calibrary.calib.corners_arrays import Corners
-from calibrary.calib.corners_file import FileName, read_corners, read_table
+from calibrary.calib.corners_file import FileName, encode_corners, read_corners, read_table
 from calibrary.calib.detection import Detections, find_board
 from calibrary.calib.rig.estimation import RigResult, estimate_rig
 from calibrary.calib.rig.observations import RigObservations
@@ -22,11 +24,11 @@ from calibrary.jobs.calibrate.corners_in import corners_of_arrays, corners_of_ri
 from calibrary.jobs.calibrate.frames import describe_frames
 from calibrary.jobs.calibrate.pairing import RigFrames
 from calibrary.jobs.calibrate.report import Asked
-from calibrary.jobs.calibrate.run import Told, calibration_date, observe
+from calibrary.jobs.calibrate.run import Told, dated, observe
 from calibrary.parsers.imagery import read_metadata
 from calibrary.parsers.rigs.micasense import rotation_of_relatives
 from calibrary.progress import Progress, counted, log, stage
-from calibrary.records import Record, from_json, replace
+from calibrary.records import Record, from_json, replace, to_json
 from calibrary.rig import Rig, RigCamera, RigPose
 from calibrary.strictjson import parse_json
 
@@ -137,6 +139,31 @@ class RigCorners(Record, tag_field="schema", tag="rig-corners-1"):
     shots: Mapping[str, Mapping[str, FileName]]
 
 
+def folder_of_corners(path: str | Path | None) -> Path | None:
+    """Check that a rig's corners can be written into a folder, and return it; None if there is no path.
+
+    Raises:
+        InputError: it is a file, or not writable.
+    """
+    if path is None:
+        return None
+    if Path(path).exists() and not Path(path).is_dir():
+        raise InputError("is a file; expected a folder", source=str(path), place="--corners")
+    check_folder(Path(path), place="--corners")
+    return Path(path)
+
+
+def corner_files(detections: RigDetections, folder: Path) -> dict[Path, bytes]:
+    """Content of rig.json and of the corner files in a folder."""
+    names = {name: f"{re.sub(r'[^A-Za-z0-9._-]+', '-', name)}.corners.json" for name in detections.cameras}
+    kept = RigCorners(cameras=names, shots=detections.shots)
+    files = {
+        folder / names[name]: encode_corners(one.observations) for name, one in detections.cameras.items()
+    }
+    table = json.dumps(to_json(kept), indent=1, ensure_ascii=False) + "\n"
+    return {folder / CORNERS_NAME: table.encode(), **files}
+
+
 def saved_rig(path: Path, told: Told, reference: str | None) -> RigDetections:
     """Read the corners of an earlier run from its rig.json.
 
@@ -226,15 +253,10 @@ def solved_rig(
     """
     with stage(f"solved {len(detections.cameras)} cameras with lens model {asked.model}"):
         result = estimate_rig(detections.observations, asked.model, warp=asked.warp)
-    today, cameras = datetime.now(UTC).date(), {}
-    for name, one in result.cameras.items():
-        day, origin = calibration_date(told.stated.date, one.observations.taken, today)
-        made = one.calibration.provenance
-        source = f"{corners_from.name}: {name}" if corners_from is not None else made.source
-        made = told.stated.of(replace(made, source=source, date=day.isoformat()))
-        cameras[name] = replace(
-            one, calibration=replace(one.calibration, provenance=made), date_origin=origin
-        )
+    cameras = {
+        name: dated(one, told.stated, f"{corners_from.name}: {name}" if corners_from is not None else None)
+        for name, one in result.cameras.items()
+    }
     return replace(result, cameras=cameras)
 
 
