@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Final
 
 from calibrary.calib.budget import Part
@@ -27,7 +27,17 @@ def judge(evidence: Evidence, limits: Limits = LIMITS, policy: Policy = FLEET) -
     An error forbids every use, an unproven finding that the calibration is kept fixed.
     """
     found = (
-        *(finding for check in _CHECKS for finding in check(evidence, limits)),
+        *_views(evidence, limits),
+        *_rejected(evidence, limits),
+        *_tilt(evidence, limits),
+        *_coverage(evidence, limits),
+        *_determined(evidence, limits),
+        *_fit(evidence, limits),
+        *_lens(evidence),
+        *_halves(evidence, limits),
+        *_cause(evidence, limits),
+        *_board(evidence, limits),
+        *_capture(evidence),
         *_departs(evidence, policy),
         *_known(evidence, limits, policy),
     )
@@ -314,8 +324,7 @@ def _fit(e: Evidence, limits: Limits) -> Iterator[Finding]:
     )
 
 
-def _lens(e: Evidence, limits: Limits) -> Iterator[Finding]:
-    del limits
+def _lens(e: Evidence) -> Iterator[Finding]:
     if e.better is not None:
         yield Finding(
             rule="lens-model",
@@ -482,8 +491,7 @@ def _cause(e: Evidence, limits: Limits) -> Iterator[Finding]:
     )
 
 
-def _capture(e: Evidence, limits: Limits) -> Iterator[Finding]:
-    del limits
+def _capture(e: Evidence) -> Iterator[Finding]:
     if e.focus is None:
         yield Finding(
             rule="focus-unknown",
@@ -498,21 +506,6 @@ def _capture(e: Evidence, limits: Limits) -> Iterator[Finding]:
             message=f"the lens was focused by {e.focus}; from infinity to 1.5 m fx changes by 0.6 % at 8.8 mm",
             remedy="lock the focus as in flight",
         )
-
-
-_CHECKS: Final[tuple[Callable[[Evidence, Limits], Iterator[Finding]], ...]] = (
-    _views,
-    _rejected,
-    _tilt,
-    _coverage,
-    _determined,
-    _fit,
-    _lens,
-    _halves,
-    _cause,
-    _board,
-    _capture,
-)
 
 
 def _outliers(number: int, noun: str) -> str:

@@ -9,11 +9,10 @@ import numpy as np
 from msgspec import Struct
 
 from calibrary.arrays import BoolArray, FloatArray, IntArray
-from calibrary.calib.adjustment import Adjusted, adjust
+from calibrary.calib.adjustment import Adjusted, adjust, parameter_covariance
 from calibrary.calib.assessment import Joint, Solved, assess
 from calibrary.calib.board import Board
 from calibrary.calib.board_shape import BoardShape, board_shape, laid_on, stretch
-from calibrary.calib.covariance import parameter_covariance
 from calibrary.calib.estimation import solved_views
 from calibrary.calib.lens_series import series_shift
 from calibrary.calib.model_choice import WarpTest, f_test, with_warp
@@ -21,11 +20,11 @@ from calibrary.calib.network import Network, State, linearise
 from calibrary.calib.observations import Observations
 from calibrary.calib.opencv_state import one_blas_thread
 from calibrary.calib.result import CalibrationResult
-from calibrary.calib.rig.causes import RigTrouble, moved_camera, swapped_images
+from calibrary.calib.rig.causes import mispaired, moved_camera, swapped_images
 from calibrary.calib.rig.lens import Place, RigLens
 from calibrary.calib.rig.observations import RigObservations, rig_network
 from calibrary.calib.rig.start import HALF_TURN, Eye, Link, eye_of, links, turns
-from calibrary.calib.rig.verdict import RIG_LIMITS, Mispaired, RigEvidence, RigLimits, is_loose, judge_rig
+from calibrary.calib.rig.verdict import RIG_LIMITS, RigEvidence, RigLimits, is_loose, judge_rig
 from calibrary.calib.solve import Solution
 from calibrary.calib.variance_factor import SplitHalf, split_half
 from calibrary.calib.verdict import LIMITS, BoardVerdict, Limits
@@ -393,7 +392,7 @@ def estimate_rig(
         verdicts={},
         shared={seen.names[link.camera]: len(link.shots) for link in tied},
         untied=untied,
-        mispaired=tuple(_mispaired(seen, link) for link in tied if link.place is None),
+        mispaired=tuple(mispaired(seen, link) for link in tied if link.place is None),
         troubles=_troubles(seen, eyes, tied),
     )
     if placed is None:
@@ -452,18 +451,7 @@ def _places(tied: Sequence[Link], count: int) -> list[Place] | None:
     return [found[camera] for camera in range(count)] if len(found) == count else None
 
 
-def _mispaired(seen: RigObservations, link: Link) -> Mispaired:
-    kind, by = link.mispairing or (None, 0)
-    return Mispaired(
-        kind=kind,
-        camera=seen.names[link.camera],
-        other=seen.names[link.other],
-        by=by,
-        miss_px=float(min(np.median(link.miss_px), link.width)),
-    )
-
-
-def _troubles(seen: RigObservations, eyes: Sequence[Eye], tied: Sequence[Link]) -> tuple[RigTrouble, ...]:
+def _troubles(seen: RigObservations, eyes: Sequence[Eye], tied: Sequence[Link]) -> tuple[Finding, ...]:
     able = [link for link in tied if link.mispairing is None]
     found = [swapped_images(seen, eyes, link) or moved_camera(seen, eyes, link) for link in able]
     return tuple(one for one in found if one is not None)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
 from msgspec import Struct
 
-from calibrary.calib.rig.causes import RigCause, RigTrouble
-from calibrary.calib.rig.start import Mispairing
+from calibrary.calib.rig.causes import CAMERA_MOVED
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.calib.verdict_rules import at_least, at_most, graver_first
 from calibrary.errors import first_of
@@ -44,23 +43,6 @@ RIG_LIMITS: Final = RigLimits()
 LEVEL: Final = 1e-4
 
 
-class Mispaired(Struct, frozen=True, kw_only=True):
-    """Wrongly paired images.
-
-    Attributes:
-        kind: kind of error.
-        camera, other: names of the cameras.
-        by: shift in shots, for a shifted pairing.
-        miss_px: median residual with the given pairing, px.
-    """
-
-    kind: Mispairing | None
-    camera: str
-    other: str
-    by: int
-    miss_px: float
-
-
 class RigEvidence(Struct, frozen=True, kw_only=True):
     """Measurements that the verdict on a rig is based on; values that were not solved are None.
 
@@ -68,7 +50,7 @@ class RigEvidence(Struct, frozen=True, kw_only=True):
         verdicts: verdicts on the cameras.
         shared: number of shots that link each camera except the reference to another one.
         untied: cameras without common shots with the others.
-        mispaired: cameras for which the shots agree on no pose.
+        mispaired: of cameras for which the shots agree on no pose.
         cross_px: σ of the predicted pixel by camera, px: at the distance of the boards, and far away.
         kappa2: variance factor of the poses.
         excess_px: residuals added by one pose for all cameras, RMS, px.
@@ -82,13 +64,13 @@ class RigEvidence(Struct, frozen=True, kw_only=True):
     verdicts: Mapping[str, BoardVerdict]
     shared: Mapping[str, int]
     untied: Sequence[str] = ()
-    mispaired: Sequence[Mispaired] = ()
+    mispaired: Sequence[Finding] = ()
     cross_px: Mapping[str, tuple[float | None, float | None]] | None = None
     kappa2: float | None = None
     excess_px: float | None = None
     noise_px: float | None = None
     rigid_p: float | None = None
-    troubles: Sequence[RigTrouble] = ()
+    troubles: Sequence[Finding] = ()
     apart: Sequence[tuple[str, str]] = ()
     shots: int = 0
 
@@ -100,11 +82,19 @@ def is_loose(evidence: RigEvidence, limits: RigLimits = RIG_LIMITS) -> bool:
 
 def judge_rig(evidence: RigEvidence, limits: RigLimits = RIG_LIMITS) -> tuple[Finding, ...]:
     """Check all measurements against their limits; return the findings, most severe first."""
-    return graver_first(finding for check in _CHECKS for finding in check(evidence, limits))
+    return graver_first(
+        (
+            *_cameras(evidence),
+            *_ties(evidence, limits),
+            *evidence.mispaired,
+            *_rigidity(evidence, limits),
+            *_shots(evidence, limits),
+            *_precision(evidence, limits),
+        )
+    )
 
 
-def _cameras(e: RigEvidence, limits: RigLimits) -> Iterator[Finding]:
-    del limits
+def _cameras(e: RigEvidence) -> Iterator[Finding]:
     for verdict, severity in (
         (BoardVerdict.REFUSE, Severity.ERROR),
         (BoardVerdict.PROVISIONAL, Severity.UNPROVEN),
@@ -144,66 +134,15 @@ def _ties(e: RigEvidence, limits: RigLimits) -> Iterator[Finding]:
         )
 
 
-_MISPAIRED: Final[Mapping[Mispairing, tuple[str, str]]] = {
-    Mispairing.SHIFTED: (
-        "they agree if {camera}'s frames are paired {by:+d} shots later",
-        "a frame is missing or extra at the beginning: give the pairing by --pattern, or remove the frame",
-    ),
-    Mispairing.REVERSED: (
-        "they agree if {camera}'s frames are taken in reverse order",
-        "pair them in reverse",
-    ),
-    Mispairing.MIRRORED: (
-        "they agree if {camera}'s images are mirrored",
-        "switch off the mirroring (flip) of this camera, or flip its images back",
-    ),
-}
-
-
-def _pairing(e: RigEvidence, limits: RigLimits) -> Iterator[Finding]:
-    del limits
-    for one in e.mispaired:
-        found, remedy = _MISPAIRED[one.kind] if one.kind is not None else (
-            "no other pairing makes them agree",
-            "check which frames belong together, and that the cameras are fixed to one another",
-        )  # fmt: skip
-        yield Finding(
-            rule=one.kind.value if one.kind is not None else "no-common-pose",
-            severity=Severity.ERROR,
-            measured=one.miss_px,
-            message=f"the shots of {one.camera} and {one.other} agree on no relative pose: they miss by "
-            f"{one.miss_px:.0f} px; {found.format(camera=one.camera, by=one.by)}",
-            remedy=remedy,
-        )
-
-
 def _rigidity(e: RigEvidence, limits: RigLimits) -> Iterator[Finding]:
-    said = {trouble.cause for trouble in e.troubles}
-    for trouble in e.troubles:
-        if trouble.cause is RigCause.CAMERA_MOVED:
-            yield Finding(
-                rule=trouble.cause.value,
-                severity=Severity.ERROR,
-                measured=trouble.before_px,
-                message=f"{trouble.camera} moved in the rig before the shot {trouble.shots[0]}: one pose misses by "
-                f"{trouble.before_px:.1f} px, one before and one after by {trouble.after_px:.1f} px",
-                remedy="fasten it; calibrate the shots before and after by themselves",
-            )
-        else:
-            yield Finding(
-                rule=trouble.cause.value,
-                severity=Severity.UNPROVEN,
-                measured=trouble.before_px,
-                message=f"in {first_of(trouble.shots, 4)} the frame of {trouble.camera} and the other camera's are "
-                f"exchanged: they miss by {trouble.before_px:.0f} px as paired, by {trouble.after_px:.1f} px exchanged",
-                remedy="exchange the two files of these shots",
-            )
-    if e.excess_px is None or e.noise_px is None or e.rigid_p is None or RigCause.CAMERA_MOVED in said:
+    yield from e.troubles
+    moved = any(one.rule == CAMERA_MOVED for one in e.troubles)
+    if e.excess_px is None or e.noise_px is None or e.rigid_p is None or moved:
         return
     over = e.excess_px / max(e.noise_px, 1e-9)
     if e.rigid_p < LEVEL:
         yield from at_most(
-            RigCause.NOT_SIMULTANEOUS.value,
+            "not-simultaneous",
             over,
             (limits.excess_wanted, limits.excess_needed),
             f"one pose of the board for all cameras adds {e.excess_px:.2f} px to the residuals, {over:.0f} "
@@ -267,13 +206,3 @@ def _precision(e: RigEvidence, limits: RigLimits) -> Iterator[Finding]:
             f"{math.sqrt(e.kappa2):.1f} for it",
             "fasten the cameras, mount the board on glass or aluminium, use a tripod",
         )
-
-
-_CHECKS: Final[tuple[Callable[[RigEvidence, RigLimits], Iterator[Finding]], ...]] = (
-    _cameras,
-    _ties,
-    _pairing,
-    _rigidity,
-    _shots,
-    _precision,
-)

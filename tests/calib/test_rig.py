@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from types import SimpleNamespace
 from typing import TypeAlias
 
@@ -168,8 +169,8 @@ def test_a_camera_that_moved_in_the_rig_is_named_with_the_shot() -> None:
 
     result = estimate_rig(seen_by(truth, 8, moved=moved))
     [trouble] = result.evidence.troubles
-    assert (trouble.camera, trouble.cause.value) == ("cam1", "camera-moved")
-    assert trouble.shots[0] in {"shot-008", "shot-009", "shot-010"}
+    assert trouble.rule == "camera-moved"
+    assert re.match(r"cam1 moved in the rig before the shot shot-0(08|09|10):", trouble.message)
     assert result.verdict is BoardVerdict.REFUSE
 
 
@@ -236,7 +237,8 @@ def test_exchanged_frames_of_single_shots_are_named() -> None:
         exchanged[name] = replace(camera, views=tuple(swapped if v is own else v for v in camera.views))
     result = estimate_rig(replace(seen, cameras=exchanged))
     [trouble] = result.evidence.troubles
-    assert (trouble.cause.value, trouble.shots) == ("swapped-frames", (seen.shots[shot],))
+    assert trouble.rule == "swapped-frames"
+    assert trouble.message.startswith(f"in {seen.shots[shot]} the frame of cam1")
 
 
 @pytest.mark.thorough
