@@ -192,8 +192,6 @@ class Seen(NamedTuple):
                     one,
                     pixels_first=first[at],
                     pixels_second=second[at],
-                    points_first=one.points_first[at],
-                    points_second=one.points_second[at],
                 )
             )
         return Seen(

@@ -27,7 +27,6 @@ from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calibration import Calibration, Covariance, ImageSize
 from calibrary.distortion import NoDistortion
 from calibrary.errors import CalibrationError, InputError
-from calibrary.probability import chi_square_tail
 from calibrary.records import replace
 from calibrary.rotations import rotation_matrix, rotation_vector
 
@@ -52,7 +51,6 @@ class ProjectionDifference(Struct, frozen=True, kw_only=True, eq=False):
         vectors: (R, C, 2) px, difference of the second, rotated calibration from the first; NaN where one has no ray.
         rotation_rad: (3,) rotation vector of R, from the first camera's frame to the second's.
         std_px: (R, C) px, standard deviation of the vectors in their worst direction; None without covariances.
-        p: probability that noise alone gives such a mean square; None without covariances.
         image_size: (width, height) px.
         region: (R, C) where the two are compared: both have a ray, and the standard deviation, if known, is below a
             limit.
@@ -64,7 +62,6 @@ class ProjectionDifference(Struct, frozen=True, kw_only=True, eq=False):
     vectors: FloatArray
     rotation_rad: FloatArray
     std_px: FloatArray | None
-    p: float | None
     image_size: ImageSize
     region: BoolArray
     noise: FloatArray | None = None
@@ -175,7 +172,6 @@ def projection_difference(
         vectors=vectors.reshape(pixels.shape),
         rotation_rad=rotation_vector(R),
         std_px=None if std is None else std.reshape(grid),
-        p=None if propagated is None else _chance(vectors[region], propagated[region]),
         image_size=size,
         region=region.reshape(grid),
         noise=None if propagated is None else propagated.reshape(*grid, 2, -1),
@@ -291,19 +287,6 @@ def _inverse_variance(left: FloatArray, seen: BoolArray) -> FloatArray:
     variance = (left**2).sum(axis=1).reshape(-1, 2).sum(axis=1)
     floor = 1e-6 * float(np.median(variance[seen])) if seen.any() else 1.0
     return np.where(seen, 1.0 / np.maximum(variance, max(floor, 1e-300)), 0.0)
-
-
-def _chance(vectors: FloatArray, propagated: FloatArray) -> float | None:
-    """Return P(mean |dq|² at least as large), by Satterthwaite's scaled χ²; None if it is not defined."""
-    if len(vectors) == 0:
-        return None
-    M = propagated.reshape(2 * len(vectors), -1)
-    shares = np.linalg.eigvalsh(M.T @ M) / len(vectors)
-    mean, variance = float(shares.sum()), 2 * float((shares**2).sum())
-    if not (mean > 0 and variance > 0):
-        return None
-    dof = 2 * mean**2 / variance
-    return chi_square_tail(dof, float((vectors**2).sum() / len(vectors)) * dof / mean)
 
 
 def _weights(weights: ArrayLike, shape: tuple[int, ...]) -> FloatArray:

@@ -53,13 +53,11 @@ class Markers(Struct, frozen=True, kw_only=True, eq=False):
 
     Attributes:
         dictionary: the largest of its family.
-        border: width of the dark border in modules.
         ids: (N,) numbers.
         quads: (N, 4, 2) px with OpenCV's pixel origin, in OpenCV's order of corners.
     """
 
     dictionary: str
-    border: int
     ids: IntArray
     quads: FloatArray
 
@@ -136,7 +134,7 @@ def find_markers(gray: Gray) -> tuple[Markers, ...]:
     accepted, _, others = detector.detectMarkers(small)
     quads = np.array([np.reshape(quad, (4, 2)) for quad in (*accepted, *others)], dtype=np.float64)
     found = [
-        Markers(dictionary=family, border=border, ids=ids, quads=enlarged(corners, scale))
+        Markers(dictionary=family, ids=ids, quads=enlarged(corners, scale))
         for border in BORDERS
         for modules in sorted(set(FAMILIES.values()))
         for family, ids, corners in _identified(small, quads.reshape(-1, 4, 2), modules, border)

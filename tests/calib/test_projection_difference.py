@@ -5,16 +5,21 @@ import math
 import numpy as np
 import pytest
 
-from calibrary.calib.covariance import lens_covariance
+from calibrary.calib.adjustment import lens_covariance
 from calibrary.calib.estimation import estimate
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.network import Network
-from calibrary.calib.projection_difference import projection_difference, projection_uncertainty
+from calibrary.calib.projection_difference import (
+    ProjectionDifference,
+    projection_difference,
+    projection_uncertainty,
+)
 from calibrary.calib.solve import solve
 from calibrary.calib.synthesis import poses
 from calibrary.calibration import Calibration, Covariance
 from calibrary.distortion import BrownConrady, KannalaBrandt, NoDistortion, Rational
 from calibrary.errors import CalibrationError, InputError
+from calibrary.jobs.diff.uncertainty import image_scale, significance
 from calibrary.records import replace
 
 from .observing import observe
@@ -82,14 +87,21 @@ def test_weights_say_where_the_cameras_are_laid_together() -> None:
     assert weighted.lengths_px[6, 8] > middle.lengths_px[6, 8]
 
 
+def chance(found: ProjectionDifference) -> float:
+    """Probability of such a difference from noise alone."""
+    tested = significance(found, image_scale(found), level=0.01, matters_px=0.1, matters_scale=1e-4)
+    assert tested is not None
+    assert tested.p is not None
+    return tested.p
+
+
 @pytest.mark.thorough
 def test_noise_alone_alarms_no_more_often_than_it_says() -> None:
     chances = []
     for seed in range(5):
         (a, C_a), (b, C_b) = _solved(1000 + seed), _solved(2000 + seed)
         found = projection_difference(a, b, shape=(9, 7), covariances=(C_a, C_b))
-        assert found.p is not None
-        chances.append(found.p)
+        chances.append(chance(found))
     assert min(chances) > 0.01
     assert 0.1 < float(np.median(chances)) < 0.9
 
@@ -98,8 +110,7 @@ def test_a_twentieth_of_a_percent_of_focal_length_is_found() -> None:
     longer = _nudged(fx=0.0015 * 1450, fy=0.0015 * 1450)
     (a, C_a), (b, C_b) = _solved(1), _solved(2, longer)
     found = projection_difference(a, b, shape=SHAPE, covariances=(C_a, C_b))
-    assert found.p is not None
-    assert found.p < 0.01
+    assert chance(found) < 0.01
 
 
 def test_uncertainty_is_the_scatter_of_calibrations() -> None:

@@ -136,7 +136,7 @@ class TestMarkers:
     def test_unarranged_markers_are_said_to_be_seen(self) -> None:
         at = np.random.default_rng(4).uniform(100, 500, (8, 1, 2))
         quads = at + 9 * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
-        markers = Markers(dictionary="4x4_1000", border=1, ids=np.arange(8), quads=quads)
+        markers = Markers(dictionary="4x4_1000", ids=np.arange(8), quads=quads)
         assert laid_out(markers) is None
         seen = Seen(lattice=None, whole=False, markers=(markers,))
         with pytest.raises(

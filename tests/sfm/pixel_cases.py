@@ -83,8 +83,6 @@ def pairs_of(tracks: Tracks) -> list[Matches]:
                     second=second,
                     pixels_first=tracks.pixels[one][a],
                     pixels_second=tracks.pixels[other][b],
-                    points_first=points,
-                    points_second=points,
                     by_homography=False,
                 )
             )

@@ -89,7 +89,7 @@ def test_the_verdict_needs_both_size_and_certainty(
 
 
 def test_pairs_that_contradict_the_adjustment_leave_both_in_doubt() -> None:
-    pairs = TwoViewFocal(focal_px=FX * 1.1, std=0.01, pairs=20, tried=60)
+    pairs = TwoViewFocal(focal_px=FX * 1.1, std=0.01, pairs=20)
     check = look(found(focal_px=FX * 1.04), pairs).check(CAMERA, 0.05)
     assert check.verdict is CANNOT_TELL
     assert "further apart than their uncertainties explain" in check.reason

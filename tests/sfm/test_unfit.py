@@ -39,8 +39,6 @@ def shared(centres: FloatArray, tilt_deg: float = 2.0, noise_px: float = 0.3) ->
             second=b,
             pixels_first=seen[a][rows],
             pixels_second=seen[b][rows],
-            points_first=rows,
-            points_second=rows,
             by_homography=True,
         )
         for a, b in combinations(range(len(centres)), 2)

@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 import numpy as np
 from msgspec import Struct
 
-from calibrary.arrays import FloatArray, IntArray
+from calibrary.arrays import FloatArray
 from calibrary.calibration import ImageSize, Intrinsics
 from calibrary.errors import InputError
 from calibrary.extras import SFM, require
@@ -101,7 +101,6 @@ class Matches(Struct, frozen=True, kw_only=True):
     Attributes:
         first, second: indices of the images in the flight.
         pixels_first, pixels_second: (N, 2) px, canonical, of the full image.
-        points_first, points_second: (N,) indices of the keypoints.
         by_homography: whether one homography explains them: a flat scene, a rotation, or a duplicate image.
     """
 
@@ -109,8 +108,6 @@ class Matches(Struct, frozen=True, kw_only=True):
     second: int
     pixels_first: FloatArray
     pixels_second: FloatArray
-    points_first: IntArray
-    points_second: IntArray
     by_homography: bool
 
 
@@ -197,8 +194,6 @@ def _matches(keypoints: list[FloatArray], pair: int, rows: int, data: bytes, con
         second=second,
         pixels_first=keypoints[first][points[:, 0]],
         pixels_second=keypoints[second][points[:, 1]],
-        points_first=points[:, 0],
-        points_second=points[:, 1],
         by_homography=config in PLANAR_OR_PANORAMIC,
     )
 

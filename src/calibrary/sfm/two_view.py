@@ -23,6 +23,7 @@ import numpy as np
 from msgspec import Struct
 
 from calibrary.arrays import BoolArray, FloatArray
+from calibrary.calib.start import homographies
 from calibrary.calibration import Calibration
 from calibrary.records import replace
 from calibrary.sfm.engine import Matches
@@ -51,13 +52,11 @@ class TwoViewFocal(Struct, frozen=True, kw_only=True):
         std: its relative standard deviation, from the spread over the pairs; only as many pairs as images count as
             independent.
         pairs: number of pairs used.
-        tried: number of pairs in total.
     """
 
     focal_px: float
     std: float
     pairs: int
-    tried: int
 
 
 def focal_of_pairs(pairs: Iterable[Matches], camera: Calibration) -> TwoViewFocal | None:
@@ -69,9 +68,8 @@ def focal_of_pairs(pairs: Iterable[Matches], camera: Calibration) -> TwoViewFoca
     """
     centre = np.array([camera.intrinsics.cx, camera.intrinsics.cy])
     scale = float(max(camera.intrinsics.image_size)) / 2
-    found, images, tried = [], set[int](), 0
+    found, images = [], set[int]()
     for pair in pairs:
-        tried += 1
         if pair.by_homography or len(pair.pixels_first) < LEAST_MATCHES:
             continue
         one = (undistorted(pair.pixels_first, camera) - centre) / scale
@@ -90,7 +88,7 @@ def focal_of_pairs(pairs: Iterable[Matches], camera: Calibration) -> TwoViewFoca
     independent = min(len(found), len(images))
     # The median of n normal numbers is √(π/2) times as uncertain as their mean.
     std = math.sqrt(math.pi / 2 / independent) * max(spread, float(np.median(stds)))
-    return TwoViewFocal(focal_px=math.exp(middle), std=std, pairs=len(found), tried=tried)
+    return TwoViewFocal(focal_px=math.exp(middle), std=std, pairs=len(found))
 
 
 def undistorted(pixels: FloatArray, camera: Calibration) -> FloatArray:
@@ -129,12 +127,7 @@ def _with_std(one: FloatArray, other: FloatArray) -> tuple[float, float]:
 def _is_flat(one: FloatArray, other: FloatArray, F: FloatArray) -> bool:
     """Return whether a homography explains the matches nearly as well as F; then F is determined by noise only."""
     a, b = np.column_stack([one, np.ones(len(one))]), np.column_stack([other, np.ones(len(other))])
-    to_a, to_b = _normaliser(one), _normaliser(other)
-    A, B = a @ to_a.T, b @ to_b.T
-    none = np.zeros_like(A)
-    rows = np.vstack([np.hstack([A, none, -B[:, :1] * A]), np.hstack([none, A, -B[:, 1:2] * A])])
-    H = np.linalg.inv(to_b) @ np.linalg.svd(rows.T @ rows)[2][-1].reshape(3, 3) @ to_a
-    moved = a @ H.T
+    moved = a @ homographies(one[None], other[None], np.ones((1, len(one)), dtype=np.bool_))[0].T
     off_plane = np.linalg.norm(moved[:, :2] / moved[:, 2:] - other, axis=1)
     off_line = _off_lines(a, b, F)[0]
     return bool(np.median(off_plane) < FLAT * np.median(off_line))
