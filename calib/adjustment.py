@@ -1,102 +1,45 @@
-"""Least-squares adjustment (Levenberg–Marquardt) of a camera or rig, the board warp and all poses together.
-
-Each pose affects only its own view, so the poses are eliminated view by view (Schur complement). The remaining system
-has the size of the lens model: the cost of a step per corner does not depend on the number of views.
-
-Source: B. Triggs et al., "Bundle adjustment: a modern synthesis", 2000, section 6.
-"""
+"""Adjustment of a camera or rig, the board warp and all poses together; each pose affects only its own view."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Generic
+from functools import partial
+from typing import Final, Generic
 
 import numpy as np
 from msgspec import Struct
 
 from calibrary.arrays import BoolArray, FloatArray, IntArray
-from calibrary.calib.network import LensT, Linear, Network, State, linearise, turned
+from calibrary.calib.least_squares import (
+    MEANINGLESS,
+    Linear,
+    Minimum,
+    Search,
+    Step,
+    inverted,
+    minimised,
+    unit,
+)
+from calibrary.calib.network import LensT, Network, State, linearise, turned
+from calibrary.calibration import Covariance
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
 
-MAX_STEPS = 40
-CRAWL = 1e-7
-"""The search ends after three successive steps that each reduce the sum of squares by less than this fraction."""
-PATIENCE = 3
-SETTLED = 1e-3
-"""The search ends at a step smaller than this, in standard deviations of the parameters that it changes."""
-NOISE_FLOOR_PX = 1e-6
-"""Residuals below this, in px, are rounding errors; lower bound of sigma for :data:`SETTLED`."""
-FIRST_DAMPING = 1e-4
-LARGEST_DAMPING = 1e8
-MOST_AT_ONCE = 10_000
+SEARCH: Final = Search(most_steps=40, first_damping=1e-4, no_damping=1e-4, crawl=1e-7, patience=3)
+CULPRIT: Final = 0.3
+"""Smallest share of a parameter in the weakest combination that is named; the squares of all add up to one."""
+UNDETERMINED: Final = (
+    "the views do not determine all parameters: tilt the board in several directions and fill the frame"
+)
+MOST_AT_ONCE: Final = 10_000
 """Corners whose columns are extended together."""
 
 
-class Reduced(Struct, frozen=True, kw_only=True, eq=False):
-    """Normal equations after elimination of the poses.
-
-    Attributes:
-        by_view: (V, g, g) Schur complement of each view.
-        right_by_view: (V, g) right-hand sides.
-        from_poses: (V,) reduction of the sum of squares by the poses alone, px².
-        pose_inverse: (V, 6, 6) inverses of the poses' diagonal blocks.
-        coupling: (V, g, 6) blocks between global parameters and poses.
-        pose_right: (V, 6) right-hand sides of the poses.
-    """
-
-    by_view: FloatArray
-    right_by_view: FloatArray
-    from_poses: FloatArray
-    pose_inverse: FloatArray
-    coupling: FloatArray
-    pose_right: FloatArray
-
-    @property
-    def matrix(self) -> FloatArray:
-        """Sum of the views, (g, g)."""
-        return np.asarray(self.by_view.sum(axis=0))
-
-    @property
-    def right(self) -> FloatArray:
-        """Sum of the views, (g,)."""
-        return np.asarray(self.right_by_view.sum(axis=0))
-
-
-class Adjusted(Struct, Generic[LensT], frozen=True, kw_only=True, eq=False):
-    """Result of an adjustment.
-
-    Attributes:
-        network: observations of the adjustment.
-        state: parameters at the minimum.
-        linear: residuals and derivatives at the minimum.
-        free: (g,) indices of the adjusted lens and warp parameters.
-    """
+class Adjusted(Minimum, Generic[LensT], frozen=True, kw_only=True, eq=False):
+    """A minimum, with the observations of the adjustment and the parameters there."""
 
     network: Network
     state: State[LensT]
-    linear: Linear
-    free: IntArray
-
-    @property
-    def rss(self) -> float:
-        """Sum of squared residuals, px²."""
-        return self.linear.rss
-
-    @property
-    def dof(self) -> int:
-        """Degrees of freedom: number of measured coordinates minus number of parameters."""
-        return self.network.scalars - len(self.free) - 6 * int(self.network.used.sum())
-
-    @property
-    def variance(self) -> float:
-        """Variance of one coordinate, px²."""
-        return self.rss / max(self.dof, 1)
-
-    @property
-    def rms_px(self) -> float:
-        """RMS length of the residual vectors, px, as OpenCV defines it."""
-        return float(np.sqrt(2.0 * self.rss / max(self.network.scalars, 1)))
 
 
 def adjust(
@@ -124,131 +67,27 @@ def adjust(
     size = len(start.parameters)
     free = np.arange(0 if poses_only else size + (2 if warp else 0))
     is_known = known is not None and known.state is start and known.network is network
-    state, linear = start, known.linear if known is not None and is_known else linearise(network, start)
+    linear = known.linear if known is not None and is_known else linearise(network, start)
     if linear is None:
         raise CalibrationError("the starting values put part of a board behind the camera")
-    crawled = 0
-    for _ in range(MAX_STEPS):
-        step = _step(linear, free, damping)
-        # At the minimum rounding alone can raise the cost; a step that promises nothing need not be tried.
-        if step is not None and step.decrease <= 1e-12 * max(linear.rss, NOISE_FLOOR_PX**2):
-            break
-        moved = None if step is None else _moved(state, free, step)
-        trial = None if moved is None else linearise(network, moved)
-        if step is not None and moved is not None and trial is not None and trial.rss <= linear.rss:
-            variance = max(linear.rss / max(network.scalars, 1), NOISE_FLOOR_PX**2)
-            crawled = crawled + 1 if linear.rss - trial.rss <= CRAWL * linear.rss else 0
-            state, linear = moved, trial
-            # Back to undamped steps as soon as they succeed: near the minimum they converge quadratically.
-            damping = 0.0 if damping <= FIRST_DAMPING else damping / 10
-            if step.decrease <= SETTLED**2 * variance or crawled >= PATIENCE:
-                break
-        else:
-            damping = max(FIRST_DAMPING, damping * 10)
-            if damping > LARGEST_DAMPING:
-                break
+
+    def moved(state: State[LensT], step: Step) -> State[LensT] | None:
+        values = np.concatenate([state.parameters, state.warp])
+        values[free] += step.shared
+        if len(free) and not state.model.is_possible(values[:size]):
+            return None
+        return replace(
+            state,
+            parameters=values[:size],
+            warp=values[size:],
+            rotations=turned(state.rotations, step.gone[:, :3]),
+            translations=state.translations + step.gone[:, 3:],
+        )
+
+    state, linear = minimised(
+        start, linear, partial(linearise, network), moved, free, SEARCH, damping=damping
+    )
     return Adjusted(network=network, state=state, linear=linear, free=free)
-
-
-def reduce(linear: Linear, free: IntArray, damping: float = 0.0) -> Reduced:
-    """Eliminate the poses from the normal equations.
-
-    Args:
-        linear: residuals and derivatives at a state.
-        free: indices of the adjusted global columns.
-        damping: Levenberg–Marquardt damping, relative to the diagonal.
-    """
-    columns, by_pose, residuals = linear.columns(len(free)), linear.by_pose, linear.residuals[..., None]
-    transposed = by_pose.transpose(0, 2, 1)
-    inverse = _inverses(_damped(transposed @ by_pose, damping))
-    coupling = columns.transpose(0, 2, 1) @ by_pose
-    pose_right = transposed @ residuals
-    by_view = _damped(columns.transpose(0, 2, 1) @ columns, damping)
-    carried = coupling @ inverse
-    by_view -= carried @ coupling.transpose(0, 2, 1)
-    right = columns.transpose(0, 2, 1) @ residuals - carried @ pose_right
-    return Reduced(
-        by_view=(by_view + by_view.transpose(0, 2, 1)) / 2,
-        right_by_view=right[..., 0],
-        from_poses=(pose_right.transpose(0, 2, 1) @ inverse @ pose_right)[:, 0, 0],
-        pose_inverse=inverse,
-        coupling=coupling,
-        pose_right=pose_right[..., 0],
-    )
-
-
-def scaled_solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    """Solve a symmetric system with parameters of very different scale (Jacobi scaling).
-
-    Raises:
-        CalibrationError: the system is singular.
-    """
-    scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
-    if not (scale > 0).all():
-        raise CalibrationError("a parameter has no influence on any corner: the views do not determine it")
-    try:
-        solution = np.linalg.solve(matrix / np.outer(scale, scale), right / scale)
-    except np.linalg.LinAlgError:
-        raise CalibrationError("the views do not determine all parameters: tilt the board more") from None
-    return np.asarray(solution / scale)
-
-
-class _Step(Struct, frozen=True, kw_only=True, eq=False):
-    """A step: changes of the global parameters (g,) and of the poses (V, 6), and the predicted reduction in px²."""
-
-    of_globals: FloatArray
-    of_poses: FloatArray
-    decrease: float
-
-
-def _step(linear: Linear, free: IntArray, damping: float) -> _Step | None:
-    reduced = reduce(linear, free, damping)
-    right = reduced.right
-    try:
-        by = scaled_solve(reduced.matrix, right) if len(free) else np.zeros(0)
-    except CalibrationError:
-        return None
-    left = reduced.pose_right - by @ reduced.coupling
-    poses = (reduced.pose_inverse @ left[..., None])[..., 0]
-    decrease = float(reduced.from_poses.sum() + right @ by)
-    return _Step(of_globals=by, of_poses=poses, decrease=decrease)
-
-
-def _moved(state: State[LensT], free: IntArray, step: _Step) -> State[LensT] | None:
-    values = np.concatenate([state.parameters, state.warp])
-    values[free] += step.of_globals
-    size = len(state.parameters)
-    if len(free) and not state.model.is_possible(values[:size]):
-        return None
-    return replace(
-        state,
-        parameters=values[:size],
-        warp=values[size:],
-        rotations=turned(state.rotations, step.of_poses[:, :3]),
-        translations=state.translations + step.of_poses[:, 3:],
-    )
-
-
-def _damped(blocks: FloatArray, damping: float) -> FloatArray:
-    if damping:
-        at = np.arange(blocks.shape[-1])
-        blocks[..., at, at] *= 1.0 + damping
-    return blocks
-
-
-def _inverses(blocks: FloatArray) -> FloatArray:
-    """Return the inverse of each pose's block; zero for a view without corners, which keeps its pose."""
-    at = np.arange(blocks.shape[-1])
-    scale = np.sqrt(blocks[:, at, at])
-    dead = ~(scale > 0).all(axis=1)
-    scale[dead] = 1.0
-    unit = blocks / (scale[:, :, None] * scale[:, None, :])
-    # Very small damping, so that one view with collinear corners does not make the whole solution fail.
-    unit[:, at, at] += 1e-14
-    unit[dead] = np.eye(len(at))
-    inverse = np.linalg.inv(unit) / (scale[:, :, None] * scale[:, None, :])
-    inverse[dead] = 0.0
-    return np.asarray(inverse)
 
 
 class ExtendedStep(Struct, frozen=True, kw_only=True, eq=False):
@@ -285,18 +124,17 @@ def extended_step(
     for some in np.array_split(rows, 1 + network.seen[rows].size // MOST_AT_ONCE):
         seen = np.repeat(network.seen[some], 2, axis=1)
         both = np.concatenate(
-            [linear.columns(len(adjusted.free))[some], columns(some) * seen[..., None]], axis=-1
+            [linear.shared[some, :, : len(adjusted.free)], columns(some) * seen[..., None]], axis=-1
         )
         flat = without_poses(linear, some, both).reshape(-1, size)
         matrix += flat.T @ flat
         right += flat.T @ linear.residuals[some].ravel()
     at = np.arange(len(adjusted.free), size)
     matrix[at, at] += adjusted.variance / prior**2
-    scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
-    if not (np.isfinite(matrix).all() and (scale > 0).all()):
+    if (scaled := unit(matrix)) is None:
         return None
     try:
-        inverse = np.linalg.inv(matrix / np.outer(scale, scale)) / np.outer(scale, scale)
+        inverse = np.linalg.inv(scaled[0]) / np.outer(scaled[1], scaled[1])
     except np.linalg.LinAlgError:
         return None
     step = inverse @ right
@@ -305,5 +143,38 @@ def extended_step(
 
 def without_poses(linear: Linear, rows: IntArray | BoolArray, columns: FloatArray) -> FloatArray:
     """Project out of columns, (R, 2M, k), of some views what the poses of the views can absorb."""
-    basis = np.linalg.qr(linear.by_pose[rows])[0]
+    basis = np.linalg.qr(linear.gone[rows])[0]
     return np.asarray(columns - basis @ (basis.transpose(0, 2, 1) @ columns))
+
+
+def lens_covariance(adjusted: Adjusted) -> Covariance:
+    """Return the covariance of the lens parameters from the corners, with poses and warp marginalised.
+
+    Its diagonal agrees with the standard deviations of ``cv2.calibrateCameraExtended`` (correct since OpenCV 4.8.1, too
+    large by a factor of 1.46 in 4.6 and 4.7). It contains corner noise only. The effects of a bent board, a rolling
+    shutter or an unsuitable model appear only in :mod:`calibrary.calib.variance_factor`.
+
+    Raises:
+        CalibrationError: the corners do not determine the parameters.
+    """
+    return Covariance.from_matrix(adjusted.state.model.parameters, parameter_covariance(adjusted))
+
+
+def parameter_covariance(adjusted: Adjusted[LensT]) -> FloatArray:
+    """Return the covariance, (n, n), of the parameters of a lens or a rig.
+
+    Raises:
+        CalibrationError: the corners do not determine the parameters.
+    """
+    lens = slice(len(adjusted.state.parameters))
+    return np.asarray(adjusted.variance * inverted(adjusted.reduced.matrix, UNDETERMINED)[lens, lens])
+
+
+def culprits(adjusted: Adjusted) -> tuple[str, ...]:
+    """Return the parameters of the combination that the views determine worst, the largest share first."""
+    matrix = adjusted.reduced.matrix
+    scale = np.maximum(np.sqrt(np.maximum(np.diag(matrix), 0.0)), MEANINGLESS)
+    _, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    names = (*adjusted.state.model.parameters, "warp across", "warp down")
+    shares = sorted(zip(names, np.abs(vectors[:, 0]).tolist(), strict=False), key=lambda one: -one[1])
+    return tuple(name for name, share in shares if share > CULPRIT)

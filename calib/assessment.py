@@ -10,13 +10,13 @@ import numpy as np
 from msgspec import Struct
 
 from calibrary.arrays import BoolArray, FloatArray
-from calibrary.calib.adjustment import Adjusted, reduce, scaled_solve
+from calibrary.calib.adjustment import UNDETERMINED, Adjusted, culprits, lens_covariance
 from calibrary.calib.board import Board
 from calibrary.calib.board_shape import BoardShape, Stretch, stretch
 from calibrary.calib.budget import EXPECTED_KAPPA2, Budget, Part, budget_of
 from calibrary.calib.corners_file import corners_sha256
-from calibrary.calib.covariance import identifiability, lens_covariance
 from calibrary.calib.geometry import Geometry, geometry, inside_circle, near_corners, proven
+from calibrary.calib.least_squares import condition, solution_of
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.lens_series import series_shift
 from calibrary.calib.misfit import Misfit, corner_noise, misfit
@@ -224,7 +224,6 @@ def _evidence(  # noqa: PLR0913  one measurement each
     """Collect the measurements for the verdict."""
     usable, solution = solved.usable, solved.solution
     adjusted = solution.adjusted
-    weak = identifiability(adjusted)
     return Evidence(
         image_size=usable.image_size,
         subject=solved.subject,
@@ -242,9 +241,9 @@ def _evidence(  # noqa: PLR0913  one measurement each
         kappa2=quality.kappa2,
         rms_px=adjusted.rms_px,
         noise_px=noise,
-        condition=weak.condition,
+        condition=condition(adjusted.reduced.matrix),
         model=adjusted.state.model,
-        culprits=weak.culprits,
+        culprits=culprits(adjusted),
         sound=sound_share(adjusted, usable.image_size),
         better=_better(solution),
         proven=proven,
@@ -326,8 +325,11 @@ def _budget(
 
 def shift_by_warp(adjusted: Adjusted) -> FloatArray:
     """Return by how much the board's warp has moved the lens parameters, (n,), to first order."""
-    size, matrix = len(adjusted.state.parameters), reduce(adjusted.linear, adjusted.free).matrix
-    return scaled_solve(matrix[:size, :size], matrix[:size, size:] @ adjusted.state.warp)
+    size, matrix = len(adjusted.state.parameters), adjusted.reduced.matrix
+    shift = solution_of(matrix[:size, :size], matrix[:size, size:] @ adjusted.state.warp)
+    if shift is None:
+        raise CalibrationError(UNDETERMINED)
+    return shift
 
 
 def _better(solution: Solution) -> Candidate | None:

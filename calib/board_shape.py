@@ -168,7 +168,7 @@ def stretch(adjusted: Adjusted[LensT]) -> tuple[Stretch, FloatArray] | None:
 
 def _moved(adjusted: Adjusted[LensT], rows: IntArray, axis: int) -> FloatArray:
     """Return the motion of the points of some views along one axis of the board, (R, M, 2) px per mm."""
-    by_place = adjusted.linear.by_pose[rows][..., 3:].reshape(len(rows), -1, 2, 3)
+    by_place = adjusted.linear.gone[rows][..., 3:].reshape(len(rows), -1, 2, 3)
     return np.asarray((by_place @ adjusted.state.rotations[rows][:, None, :, axis, None])[..., 0])
 
 

@@ -14,8 +14,7 @@ from typing import Final
 import numpy as np
 
 from calibrary.arrays import FloatArray, IntArray
-from calibrary.calib.adjustment import Adjusted, ExtendedStep, extended_step
-from calibrary.calib.covariance import lens_covariance
+from calibrary.calib.adjustment import Adjusted, ExtendedStep, extended_step, lens_covariance
 from calibrary.calib.lens_models import Solvable
 from calibrary.calibration import ImageSize
 from calibrary.errors import CalibrationError, InputError

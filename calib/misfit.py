@@ -121,8 +121,8 @@ def misfit(adjusted: Adjusted, image_size: ImageSize, noise_px: float | None) ->
     """
     network, linear = adjusted.network, adjusted.linear
     used = network.used
-    residuals, by_pose = linear.residuals[used], linear.by_pose[used]
-    by_global = linear.columns(len(adjusted.free))[used]
+    residuals, by_pose = linear.residuals[used], linear.gone[used]
+    by_global = linear.shared[used, :, : len(adjusted.free)]
     still, rank, _ = _unexplained(residuals, by_global, by_pose)
     n, state = network.scalars, adjusted.state
     focal, by = state.model.axial_focal(
@@ -161,8 +161,8 @@ def _faults(adjusted: Adjusted, image_size: ImageSize) -> Iterator[tuple[Cause, 
     """Yield each fault as columns: (V, 2M, g) common to all views, and (V, 2M, k) separate for each view."""
     network, linear, state = adjusted.network, adjusted.linear, adjusted.state
     used, lens = network.used, len(state.parameters)
-    residuals, by_pose = linear.residuals[used], linear.by_pose[used]
-    everything, seen = linear.by_global[used], network.seen[used]
+    residuals, by_pose = linear.residuals[used], linear.gone[used]
+    everything, seen = linear.shared[used], network.seen[used]
     by_global = everything[..., : len(adjusted.free)]
     zoom = everything[..., 0] * state.parameters[0] + everything[..., 1] * state.parameters[1]
 

@@ -19,8 +19,8 @@ import numpy as np
 from msgspec import Struct
 
 from calibrary.arrays import FloatArray
-from calibrary.calib.adjustment import Adjusted, adjust, reduce
-from calibrary.calib.covariance import MEANINGLESS, lens_condition
+from calibrary.calib.adjustment import Adjusted, adjust
+from calibrary.calib.least_squares import condition, reduce, unit
 from calibrary.calib.lens_change import as_model, widest_angle
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.lens_series import missed_terms
@@ -280,18 +280,17 @@ def _pays(smaller: Adjusted, model: Solvable, *, warp: bool) -> bool:
 
 def promised_gain(matrix: FloatArray, right: FloatArray) -> float:
     """Return the predicted reduction of the sum of squares, px², along the determined directions."""
-    scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
-    if not (np.isfinite(matrix).all() and (scale > MEANINGLESS).all()):
+    if (scaled := unit(matrix)) is None:
         return 0.0
-    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    values, vectors = np.linalg.eigh(scaled[0])
     sure = values > values[-1] / WORST_CONDITION
-    return float(((vectors.T @ (right / scale))[sure] ** 2 / values[sure]).sum())
+    return float(((vectors.T @ (right / scaled[1]))[sure] ** 2 / values[sure]).sum())
 
 
 def _candidate(adjusted: Adjusted, image_size: ImageSize) -> Candidate:
     n, k = adjusted.network.scalars, len(adjusted.free)
     criterion = n * math.log(max(adjusted.rss, 1e-300) / max(n, 1)) + PENALTY * k
-    cond, pixels = lens_condition(adjusted), adjusted.network.pixels[adjusted.network.seen]
+    cond, pixels = condition(adjusted.reduced.matrix), adjusted.network.pixels[adjusted.network.seen]
     return Candidate(
         model=adjusted.state.model,
         rms_px=adjusted.rms_px,

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from calibrary.arrays import BoolArray, FloatArray
 from calibrary.calib.board import Board
+from calibrary.calib.least_squares import Linear
 from calibrary.calib.lens_models import Projected, Solvable, columns_of
 from calibrary.calib.observations import ControlPoints, Observations
 from calibrary.errors import CalibrationError
@@ -153,32 +154,15 @@ class State(Struct, Generic[LensT], frozen=True, kw_only=True, eq=False):
         return replace(self, rotations=self.rotations[rows], translations=self.translations[rows])
 
 
-class Linear(Struct, frozen=True, kw_only=True, eq=False):
-    """Residuals and derivatives at a state; rows of unused corners are zero.
-
-    Attributes:
-        residuals: (V, 2M) observed − projected, px.
-        by_global: (V, 2M, g) derivatives by the lens parameters, then by the warp.
-        by_pose: (V, 2M, 6) derivatives by a rotation of the board about its centre (rad, camera axes) and by its
-            position (mm).
-    """
-
-    residuals: FloatArray
-    by_global: FloatArray
-    by_pose: FloatArray
-
-    @property
-    def rss(self) -> float:
-        """Sum of squared residuals, px²."""
-        return float(np.vdot(self.residuals, self.residuals))
-
-    def columns(self, free: int) -> FloatArray:
-        """Return the derivatives by the first global parameters, (V, 2M, free): without the warp where it is held."""
-        return self.by_global[..., :free]
-
-
 def linearise(network: Network, state: State[LensT]) -> Linear | None:
-    """Compute residuals and derivatives; return None if a point is behind a perspective camera or a value overflows."""
+    """Compute residuals and derivatives: a row for each view, whose pose is eliminated.
+
+    The derivatives are by the lens parameters, then by the warp; and by a rotation of the board about its centre (rad,
+    camera axes), then by its position (mm).
+
+    Returns:
+        None if a point is behind a perspective camera or a value overflows.
+    """
     views, corners = network.seen.shape
     lifted = network.points
     if state.warp.any():
@@ -210,8 +194,10 @@ def linearise(network: Network, state: State[LensT]) -> Linear | None:
         residuals[unseen], by_global[unseen], by_pose[unseen] = 0.0, 0.0, 0.0
     linear = Linear(
         residuals=residuals.reshape(views, 2 * corners),
-        by_global=by_global.reshape(views, 2 * corners, -1),
-        by_pose=by_pose.reshape(views, 2 * corners, 6),
+        shared=by_global.reshape(views, 2 * corners, -1),
+        gone=by_pose.reshape(views, 2 * corners, 6),
+        scalars=network.scalars,
+        members=int(network.used.sum()),
     )
     whole = np.isfinite(linear.rss) and np.isfinite(by_global.sum()) and np.isfinite(by_pose.sum())
     return linear if whole else None

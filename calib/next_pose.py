@@ -1,7 +1,7 @@
 """The most informative next pose of the board, from the information matrix of the adjustment.
 
 A view adds to the normal matrix of the lens with its own pose eliminated (Schur complement, as in
-:func:`calibrary.calib.adjustment.reduce`), so its contribution is known before it is taken. Candidate poses are
+:func:`calibrary.calib.least_squares.reduce`), so its contribution is known before it is taken. Candidate poses are
 projected by the current camera, and the one is proposed that minimises the largest standard deviation over the image,
 after removal of a common rotation of the camera.
 """
@@ -13,10 +13,10 @@ from typing import Final
 import numpy as np
 
 from calibrary.arrays import FloatArray
-from calibrary.calib.adjustment import reduce
 from calibrary.calib.board import Board
+from calibrary.calib.least_squares import reduce
 from calibrary.calib.lens_models import Solvable
-from calibrary.calib.network import Linear, Network, State, linearise
+from calibrary.calib.network import Network, State, linearise
 from calibrary.calib.observations import Observations, View
 from calibrary.calib.result import CalibrationResult
 from calibrary.calib.start import seed
@@ -90,7 +90,11 @@ def next_pose(board: Board, image_size: ImageSize, result: CalibrationResult | N
     poses = [(x, y, tx, ty, fill) for x in PLACES for y in PLACES for tx, ty in TILTS for fill in FILLS]
     network, held = _candidates(board, image_size, state, np.array(poses))
     linear = linearise(network, held)
-    worth = np.zeros((len(poses), *known.shape)) if linear is None else _information(linear, len(known))
+    worth = (
+        np.zeros((len(poses), *known.shape))
+        if linear is None
+        else reduce(linear, np.arange(len(known))).by_member
+    )
     enough = network.seen.mean(axis=1) >= LEAST_SEEN
     spread = _spread(state, image_size)
     before = float(_largest(spread, known[None], variance)[0])
@@ -181,16 +185,6 @@ def _candidates(
     pixels = state.model.project(state.parameters, inside)[0]
     seen = ((pixels > 0) & (pixels < size)).all(axis=-1) & (inside[..., 2] > 0)
     return network.only(np.asarray(seen, dtype=np.bool_)), held
-
-
-def _information(linear: Linear, size: int) -> FloatArray:
-    """Return the contribution of each view to the normal matrix of the lens, (V, n, n)."""
-    lens = linear.by_global[..., :size]
-    own = linear.by_pose.transpose(0, 2, 1) @ linear.by_pose + 1e-12 * np.eye(6)
-    coupling = lens.transpose(0, 2, 1) @ linear.by_pose
-    return np.asarray(
-        lens.transpose(0, 2, 1) @ lens - coupling @ np.linalg.pinv(own) @ coupling.transpose(0, 2, 1)
-    )
 
 
 def _spread(state: State, image_size: ImageSize) -> FloatArray:

@@ -22,7 +22,8 @@ import numpy as np
 from msgspec import Struct
 
 from calibrary.arrays import FloatArray
-from calibrary.calib.adjustment import Adjusted, reduce
+from calibrary.calib.adjustment import Adjusted
+from calibrary.calib.least_squares import reduce
 from calibrary.calib.variance_factor import split_half
 from calibrary.calibration import ImageSize
 from calibrary.records import replace
@@ -90,8 +91,8 @@ def residual_field(
     residuals = linear.residuals[used]
     predicted = network.pixels[used] - residuals.reshape(*seen.shape, 2)
     basis = _Basis(image_size)
-    lens = linear.columns(len(free))[used]
-    poses = np.linalg.qr(linear.by_pose[used])[0]
+    lens = linear.shared[used, :, : len(free)]
+    poses = np.linalg.qr(linear.gone[used])[0]
     own = lens - poses @ (poses.transpose(0, 2, 1) @ lens)
     left = residuals - (poses @ (poses.transpose(0, 2, 1) @ residuals[..., None]))[..., 0]
     phi = basis(predicted.reshape(-1, 2)).reshape(*seen.shape, -1) * seen[..., None]
@@ -204,7 +205,7 @@ def _factor_without(adjusted: Adjusted, shift: FloatArray) -> float | None:
         step = np.linalg.lstsq(reduced.matrix, reduced.right, rcond=1e-15)[0]
     except np.linalg.LinAlgError:
         return None
-    residuals -= adjusted.linear.columns(len(adjusted.free)) @ step
+    residuals -= adjusted.linear.shared[..., : len(adjusted.free)] @ step
     halves = split_half(replace(adjusted, linear=replace(adjusted.linear, residuals=residuals)))
     return halves.kappa2 if halves is not None else None
 
@@ -245,12 +246,16 @@ class _Basis:
         return np.asarray((y[:, :, None] * x[:, None, :]).reshape(len(pixels), -1))
 
     def _along(self, values: FloatArray, count: int) -> FloatArray:
-        values = np.clip(np.nan_to_num(values), 0.0, count * self._step)
-        at = np.clip(np.floor(values / self._step).astype(np.intp), 0, count - 1)
-        t, rows = values / self._step - at, np.arange(len(values))
-        found = np.zeros((len(values), count + 3))
-        found[rows, at] = (1 - t) ** 3 / 6
-        found[rows, at + 1] = (3 * t**3 - 6 * t * t + 4) / 6
-        found[rows, at + 2] = (-3 * t**3 + 3 * t * t + 3 * t + 1) / 6
-        found[rows, at + 3] = t**3 / 6
-        return found
+        return splines(np.clip(np.nan_to_num(values), 0.0, count * self._step) / self._step, count)
+
+
+def splines(at: FloatArray, intervals: int) -> FloatArray:
+    """Return uniform cubic B-splines, (N, intervals + 3), at places between 0 and ``intervals``."""
+    cell = np.clip(at.astype(np.intp), 0, intervals - 1)
+    t = np.clip(at - cell, 0.0, 1.0)
+    values = np.stack(
+        [(1 - t) ** 3, 3 * t**3 - 6 * t * t + 4, -3 * t**3 + 3 * t * t + 3 * t + 1, t**3], axis=1
+    )
+    by = np.zeros((len(at), intervals + 3))
+    np.put_along_axis(by, cell[:, None] + np.arange(4), values / 6, axis=1)
+    return by

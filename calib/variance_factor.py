@@ -23,7 +23,7 @@ import numpy as np
 from msgspec import Struct
 
 from calibrary.arrays import FloatArray
-from calibrary.calib.adjustment import Adjusted, reduce
+from calibrary.calib.adjustment import Adjusted
 from calibrary.calib.network import LensT
 from calibrary.errors import CalibrationError
 
@@ -75,12 +75,12 @@ def split_half(
     for split in range(splits):
         dealt = rows[random.permutation(len(rows))]
         chosen[2 * split, dealt[::2]] = chosen[2 * split + 1, dealt[1::2]] = 1.0
-    views = reduce(adjusted.linear, adjusted.free)
+    views = adjusted.reduced
     # At its best pose each view has a sum of squares of its own.
-    rss = (adjusted.linear.residuals**2).sum(axis=1) - views.from_poses
+    rss = (adjusted.linear.residuals**2).sum(axis=1) - views.from_gone
     steps, covariances = _solved(
-        np.tensordot(chosen, views.by_view, axes=1),
-        chosen @ views.right_by_view,
+        np.tensordot(chosen, views.by_member, axes=1),
+        chosen @ views.right_by_member,
         chosen @ rss,
         chosen @ (2.0 * network.seen.sum(axis=1) - 6.0) - size,
     )

@@ -4,9 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from calibrary.calib.adjustment import Adjusted, adjust
+from calibrary.calib.adjustment import Adjusted, adjust, lens_covariance
 from calibrary.calib.board import Board
-from calibrary.calib.covariance import lens_covariance
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.network import Network
 from calibrary.calib.observations import Observations

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 from scipy import special
 
-from calibrary.calib.adjustment import adjust
-from calibrary.calib.covariance import lens_covariance
+from calibrary.calib.adjustment import adjust, lens_covariance
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.network import Network
 from calibrary.calib.solve import solve

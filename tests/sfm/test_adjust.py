@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from calibrary.calib.least_squares import marginal, reduce
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.model_choice import Candidate
 from calibrary.calib.result import CalibrationResult
@@ -20,7 +21,7 @@ from calibrary.records import replace
 from calibrary.rotations import rotation_matrix
 from calibrary.sfm.adjust import Adjustment, adjust
 from calibrary.sfm.assessment import FLIGHT, flight_result
-from calibrary.sfm.bundle import adjust_bundle, lens_block, linearise, reduce
+from calibrary.sfm.bundle import adjust_bundle, linearise
 from calibrary.sfm.priors import Known, Priors, anchored
 from calibrary.sfm.sigma import FOCAL_BY_PX, covariance, flight_geometry, halves
 from calibrary.sfm.tracks import Scene, Tracks, aligned, thinned
@@ -70,9 +71,9 @@ def test_derivatives_are_those_of_the_projection(what: str) -> None:
     assert moved is not None
     expected = {
         "lens": linear.by_lens[..., 1],
-        "place": linear.by_pose[..., 5],
-        "point": linear.by_point[..., 0],
-        "turn": linear.by_pose[..., 1],
+        "place": linear.kept.jac[..., 5],
+        "point": linear.gone[..., 0],
+        "turn": linear.kept.jac[..., 1],
     }[what]
     np.testing.assert_allclose((linear.residuals - moved.residuals) / step, expected, rtol=2e-4, atol=2e-3)
 
@@ -92,16 +93,16 @@ def test_the_points_are_eliminated_as_a_dense_solution_would() -> None:
     dense[..., :9] = linear.by_lens
     rows = np.arange(n)
     for axis in range(6):
-        dense[rows, :, 9 + 6 * tracks.image + axis] = linear.by_pose[..., axis]
+        dense[rows, :, 9 + 6 * tracks.image + axis] = linear.kept.jac[..., axis]
     for axis in range(3):
-        dense[rows, :, 9 + 6 * views + 3 * points + axis] = linear.by_point[..., axis]
+        dense[rows, :, 9 + 6 * views + 3 * points + axis] = linear.gone[..., axis]
     A = dense.reshape(2 * n, -1)
     N = A.T @ A
     at = 9 + 6 * np.repeat(np.arange(views), 3) + np.tile([3, 4, 5], views)
     N[at, at] += linear.priors.by_place.ravel() ** 2
     scale = np.sqrt(np.diag(N))
     whole = np.linalg.inv(N / np.outer(scale, scale))[:9, :9] / np.outer(scale[:9], scale[:9])
-    matrix, _, _ = lens_block(reduce(tracks, linear, np.arange(9)), 9)
+    matrix, _, _ = marginal(reduce(linear, np.arange(9)), 9)
     std = np.sqrt(np.diag(whole))
     np.testing.assert_allclose(
         np.linalg.inv(matrix) / np.outer(std, std), whole / np.outer(std, std), atol=1e-4

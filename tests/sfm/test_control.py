@@ -8,13 +8,14 @@ from functools import cache
 import numpy as np
 import pytest
 
+from calibrary.calib.least_squares import marginal, reduce
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.errors import CalibrationError, InputError, ParseError
 from calibrary.records import replace
 from calibrary.sfm.adjust import Adjustment, adjust
 from calibrary.sfm.assessment import flight_result
-from calibrary.sfm.bundle import lens_block, linearise, reduce
+from calibrary.sfm.bundle import linearise
 from calibrary.sfm.control import on_control, with_survey
 from calibrary.sfm.image_selection import select_images
 from calibrary.sfm.sigma import covariance
@@ -55,9 +56,9 @@ def test_points_and_offset_are_eliminated_as_a_dense_solution_would(std_m: float
     dense[..., :9] = linear.by_lens
     rows = np.arange(n)
     for axis in range(6):
-        dense[rows, :, 9 + 6 * tracks.image + axis] = linear.by_pose[..., axis]
+        dense[rows, :, 9 + 6 * tracks.image + axis] = linear.kept.jac[..., axis]
     for axis in range(3):
-        dense[rows, :, first + 3 * points + axis] = linear.by_point[..., axis]
+        dense[rows, :, first + 3 * points + axis] = linear.gone[..., axis]
     A = dense.reshape(2 * n, -1)
     # A position observes a centre and the offset of all; a survey observes a point.
     places = np.zeros((3 * views, A.shape[1]))
@@ -72,7 +73,7 @@ def test_points_and_offset_are_eliminated_as_a_dense_solution_would(std_m: float
     N[-3:, -3:] += np.eye(3) * 0.25 / np.hypot(std_m, 5.0) ** 2
     scale = np.sqrt(np.diag(N))
     whole = np.linalg.inv(N / np.outer(scale, scale))[:9, :9] / np.outer(scale[:9], scale[:9])
-    matrix, _, _ = lens_block(reduce(tracks, linear, np.arange(9)), 9)
+    matrix, _, _ = marginal(reduce(linear, np.arange(9)), 9)
     std = np.sqrt(np.diag(whole))
     np.testing.assert_allclose(
         np.linalg.inv(matrix) / np.outer(std, std), whole / np.outer(std, std), atol=1e-4

@@ -11,13 +11,14 @@ import numpy as np
 import pytest
 
 from calibrary.arrays import FloatArray
+from calibrary.calib.least_squares import marginal, reduce
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.result import CalibrationResult
 from calibrary.records import replace
 from calibrary.sfm import ripple
 from calibrary.sfm.adjust import Adjustment, adjust
 from calibrary.sfm.assessment import flight_result
-from calibrary.sfm.bundle import Bundle, lens_block, linearise, projections, reduce, unmoved, with_own
+from calibrary.sfm.bundle import Bundle, linearise, projections, unmoved, with_own
 from calibrary.sfm.nuisances import (
     HEIGHT_SCALE,
     READOUT,
@@ -248,7 +249,11 @@ def test_derivatives_of_a_moving_camera_are_those_of_its_projections_and_positio
     pixels = (linear.residuals - again.residuals) / step
     places = (linear.priors.off_place - again.priors.off_place) / step
     known = linear.priors.known
-    by_pixel = linear.by_nuisance[..., number] if kind == "nuisance" else linear.by_pose[..., number]
+    by_pixel = (
+        linear.shared[..., len(scene.parameters) + number]
+        if kind == "nuisance"
+        else linear.kept.jac[..., number]
+    )
     by_place = known.place_by[..., number] if kind == "nuisance" else known.place_by_turn[..., number]
     np.testing.assert_allclose(pixels, by_pixel, rtol=1e-3, atol=0.02)
     np.testing.assert_allclose(places, by_place, atol=1e-5)
@@ -325,10 +330,11 @@ def test_parameters_of_single_images_enter_as_so_many_columns_of_the_lens_would(
     own = bundle.linear.by_lens[..., 2:4]
     columns = np.zeros((len(tracks.point), 2, len(tracks.names), 2))
     columns[np.arange(len(tracks.point)), :, tracks.image] = own
-    by_lens = np.concatenate([bundle.linear.by_lens, columns.reshape(len(own), 2, -1)], axis=2)
-    size = by_lens.shape[2]
-    whole = reduce(tracks, replace(bundle.linear, by_lens=by_lens), np.arange(size))
-    matrix, right, _ = lens_block(whole, size)
+    lens, nuisances = np.split(bundle.linear.shared, [g], axis=2)
+    shared = np.concatenate([lens, columns.reshape(len(own), 2, -1), nuisances], axis=2)
+    size = shared.shape[2] - nuisances.shape[2]
+    whole = reduce(replace(bundle.linear, shared=shared), np.arange(size))
+    matrix, right, _ = marginal(whole, size)
     found, its = with_own(bundle, own)
     assert len(found) == g + 2 * len(tracks.names)
     np.testing.assert_allclose(found, matrix, atol=1e-6 * np.abs(matrix).max())

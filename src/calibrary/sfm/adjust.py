@@ -15,7 +15,7 @@ import numpy as np
 from msgspec import Struct
 
 from calibrary.arrays import BoolArray, FloatArray
-from calibrary.calib.covariance import condition
+from calibrary.calib.least_squares import REGULAR, condition, marginal, reduce
 from calibrary.calib.lens_change import as_model
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.model_choice import (
@@ -33,13 +33,10 @@ from calibrary.calib.result import ControlFit
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
 from calibrary.sfm.bundle import (
-    LEAST_DAMPING,
     Bundle,
     adjust_bundle,
-    lens_block,
     linearise,
     projections,
-    reduce,
 )
 from calibrary.sfm.control import fit_of, on_control, restated, within_marks
 from calibrary.sfm.engine import MAX_SIDE
@@ -259,7 +256,7 @@ def _redundancy(bundle: Bundle) -> FloatArray:
     tracks, priors, g = bundle.tracks, bundle.linear.priors, len(bundle.free)
     matrix = bundle.reduced.matrix
     scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    inverse = np.linalg.inv(matrix / np.outer(scale, scale) + LEAST_DAMPING * np.eye(len(matrix)))
+    inverse = np.linalg.inv(matrix / np.outer(scale, scale) + REGULAR * np.eye(len(matrix)))
     inverse /= np.outer(scale, scale)
     left, m = np.zeros_like(priors.by_place), len(priors.known.weight)
     for number, image in enumerate(np.flatnonzero(tracks.used).tolist()):
@@ -361,8 +358,8 @@ def _pays(smaller: Bundle, model: Solvable) -> bool:
         return False
     size = len(model.parameters)
     with suppress(CalibrationError):
-        reduced = reduce(smaller.tracks, linear, np.arange(size))
-        gain = promised_gain(*lens_block(reduced, size)[:2])
+        reduced = reduce(linear, np.arange(size))
+        gain = promised_gain(*marginal(reduced, size)[:2])
         more = size - len(smaller.scene.parameters)
         n, rss = 2 * len(smaller.tracks.point), smaller.linear.rss
         return n * math.log(rss / max(rss - gain, 1e-3 * rss)) > FIRST_ORDER_SHARE * more * PENALTY
@@ -373,7 +370,7 @@ def _candidate(bundle: Bundle) -> Candidate:
     n, k = 2 * len(bundle.tracks.point), len(bundle.free)
     cond = math.inf
     with suppress(CalibrationError):
-        cond = condition(lens_block(bundle.reduced, k)[0])
+        cond = condition(marginal(bundle.reduced, k)[0])
     scene, tracks = bundle.scene, bundle.tracks
     return Candidate(
         model=scene.model,

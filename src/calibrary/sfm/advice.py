@@ -16,11 +16,12 @@ import numpy as np
 from msgspec import Struct
 
 from calibrary.arrays import FloatArray, IntArray
+from calibrary.calib.least_squares import inverted, marginal, reduce
 from calibrary.calib.lens_models import Solvable
 from calibrary.errors import CalibrationError
 from calibrary.policy import FLEET
 from calibrary.records import replace
-from calibrary.sfm.bundle import Bundle, inverted, lens_block, reduce
+from calibrary.sfm.bundle import Bundle
 from calibrary.sfm.nuisances import PRECISE_M
 from calibrary.sfm.sigma import CENTRE, CameraUncertainty, covariance
 
@@ -118,8 +119,8 @@ def _surveyed(bundle: Bundle) -> float:
     by_point[points] = math.sqrt(bundle.place_variance) / std
     by_offset = bundle.place_variance / SAME_DATUM_M**2 if _is_precise(bundle) else 0.0
     priors = replace(linear.priors, by_point=by_point, by_offset=by_offset)
-    reduced = reduce(bundle.tracks, replace(linear, priors=priors), bundle.free)
-    return float(bundle.variance * inverted(lens_block(reduced, len(bundle.free))[0])[0, 0])
+    reduced = reduce(replace(linear, priors=priors), bundle.free)
+    return float(bundle.variance * inverted(marginal(reduced, len(bundle.free))[0])[0, 0])
 
 
 def _is_precise(bundle: Bundle) -> bool:

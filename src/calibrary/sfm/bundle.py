@@ -1,23 +1,21 @@
-"""Bundle adjustment (Levenberg–Marquardt) of one lens, the poses of the images and the points.
+"""Adjustment of one lens, the poses of the images of a flight and the points that they see.
 
-Each point affects only the images that observe it, so the points are eliminated one by one (Schur complement). The
-remaining system has the size of the lens and the poses, some hundred parameters. Positions of the images and surveyed
-points are observations too (:mod:`calibrary.sfm.priors`).
-
-Source: B. Triggs et al., "Bundle adjustment: a modern synthesis", 2000, sections 3 and 6.
+Positions of the images and surveyed points are observations too (:mod:`calibrary.sfm.priors`).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from functools import cached_property
-from typing import Final, TypeAlias
+from functools import partial
+from typing import ClassVar, Final, TypeAlias
 
 import numpy as np
 from msgspec import Struct
 
 from calibrary.arrays import BoolArray, FloatArray, IntArray
+from calibrary.calib import least_squares
+from calibrary.calib.least_squares import REGULAR, Kept, Minimum, Search, Step, marginal, minimised, reduce
 from calibrary.calib.network import turned
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
@@ -25,119 +23,90 @@ from calibrary.sfm.nuisances import NONE, READOUT, ahead, ahead_by_turn, row_shi
 from calibrary.sfm.priors import GAUGE, Priors, anchored, priors_of
 from calibrary.sfm.tracks import Scene, Tracks
 
-MAX_STEPS: Final = 60
-SETTLED: Final = 1e-9
-"""The search ends at a step that reduces the cost by less than this share."""
-FIRST_DAMPING: Final = 1e-6
-"""Small, and reduced step by step. A flight that hardly separates f from the height has its minimum at the end of a
-long curved valley, with a floor a million times flatter than its sides; damped by 1e-4 at every other step, the search
-ended 3 % of f before the minimum."""
-JUDGED_FROM: Final = 3
-"""Step at which what it promises is first believed."""
-NO_DAMPING: Final = 1e-9
-LARGEST_DAMPING: Final = 1e8
-LEAST_DAMPING: Final = 1e-10
-"""Keeps the equations regular although images do not determine the seven parameters of the world frame (position,
-rotation, scale). The lens does not depend on these."""
-POINTS_AT_ONCE: Final = 256
-"""Of one neighbourhood, so that they meet a few images each: with 200 images a reduction takes a quarter of the time of
-one that multiplies all images with all points."""
+SEARCH: Final = Search(
+    most_steps=60, first_damping=1e-6, no_damping=1e-9, crawl=1e-9, patience=1, regular=REGULAR
+)
+"""The damping is small, and reduced step by step. A flight that hardly separates f from the height has its minimum at
+the end of a long curved valley, with a floor a million times flatter than its sides; damped by 1e-4 at every other
+step, the search ended 3 % of f before the minimum."""
 
 Columns: TypeAlias = Callable[[FloatArray], FloatArray]
 """(N, 2, k) derivatives of the pixels by k additional lens parameters, for (N, 3) points in the camera frame."""
 
 
-class Linear(Struct, frozen=True, kw_only=True, eq=False):
-    """Residuals and derivatives at a scene; rows of marks are weighted by their accuracy.
+class Linear(least_squares.Linear, frozen=True, kw_only=True, eq=False):
+    """Residuals and derivatives at a scene; a row is an observation, sorted by point and weighted by its accuracy.
+
+    The shared parameters are those of the lens, then the adjusted nuisances. An image has its rotation (rad, camera
+    axes) and its position; further columns are of parameters that each image has for itself (:func:`with_own`).
 
     Attributes:
-        residuals: (N, 2) observed − projected, px.
-        by_lens: (N, 2, g) derivatives by the lens parameters.
-        by_pose: (N, 2, 6) derivatives by the rotation (rad, camera axes) and the position of the image; more columns
-            are of further parameters that each image has for itself (:func:`with_own`).
-        by_point: (N, 2, 3) derivatives by the point.
-        by_nuisance: (N, 2, m) derivatives by the adjusted nuisances.
         world: (V, 6, 7) how the poses change with position, rotation and scale of the world.
         priors: residuals of stated positions, surveyed points and nuisances.
+        images, points: (K,) and (G,) indices of the members in the scene.
     """
 
-    residuals: FloatArray
-    by_lens: FloatArray
-    by_nuisance: FloatArray
-    by_pose: FloatArray
-    by_point: FloatArray
+    TINY: ClassVar[float] = 1e-12
+
+    kept: Kept
     world: FloatArray
     priors: Priors
-
-    @property
-    def rss(self) -> float:
-        """Sum of squared residuals of the pixels, px²."""
-        return float(np.vdot(self.residuals, self.residuals))
+    images: IntArray
+    points: IntArray
 
     @property
     def cost(self) -> float:
         """Sum of squares including the weighted priors, px²."""
         return self.rss + self.priors.cost
 
+    @property
+    def redundancy(self) -> int:
+        """Degrees of freedom before the shared parameters are adjusted, with the priors; nuisances have one each."""
+        return super().redundancy + self.priors.numbers
 
-class Reduced(Struct, frozen=True, kw_only=True, eq=False):
-    """Normal equations after elimination of the points: g lens parameters, m nuisances, then six of each image.
+    def adjusted(self, free: IntArray) -> IntArray:
+        """Return the indices of some parameters of the lens, and of all nuisances, which are the last."""
+        last = self.shared.shape[-1]
+        return np.concatenate([free, np.arange(last - self.nuisances, last)])
 
-    Attributes:
-        matrix: (D, D) Schur complement.
-        right: (D,) right-hand side.
-        from_points: reduction of the cost by the points alone, px².
-        point_inverse: (P, 3, 3) inverses of the points' diagonal blocks.
-        point_right: (P, 3) right-hand sides of the points.
-        starts: (P,) index of the first observation of each point.
-    """
+    @property
+    def nuisances(self) -> int:
+        """Number of adjusted nuisances."""
+        return len(self.priors.known.weight)
 
-    matrix: FloatArray
-    right: FloatArray
-    from_points: float
-    point_inverse: FloatArray
-    point_right: FloatArray
-    starts: IntArray
+    @property
+    def by_lens(self) -> FloatArray:
+        """(N, 2, g) derivatives by the lens parameters alone."""
+        return self.shared[..., : self.shared.shape[-1] - self.nuisances]
+
+    def add_priors(self, matrix: FloatArray, right: FloatArray, free: IntArray) -> None:
+        """Add positions and nuisances; without any position, hold the world."""
+        places, own = np.zeros((len(self.world), 3), dtype=np.intp), self.kept.jac.shape[-1]
+        places[self.images] = len(free) + own * np.arange(len(self.images))[:, None] + np.arange(3, 6)
+        self.priors.add(matrix, right, free[: len(free) - self.nuisances], places)
+        if not ((self.priors.by_place > 0).any() or (self.priors.by_point > 0).any()):
+            _hold_world(self.world[self.images].reshape(-1, GAUGE), matrix, len(free))
+
+    def add_priors_of_gone(self, own: FloatArray, right: FloatArray) -> None:
+        """Add surveyed points."""
+        stated, axes = self.priors.by_point[self.points] ** 2, np.arange(3)
+        own[:, axes, axes] += stated
+        right += stated * self.priors.off_point[self.points]
 
 
-class Bundle(Struct, frozen=True, kw_only=True, eq=False, dict=True):
-    """Result of a bundle adjustment.
+class Bundle(Minimum, frozen=True, kw_only=True, eq=False):
+    """A minimum; ``free`` are the adjusted parameters of the lens.
 
     Attributes:
         tracks: observations of the adjustment.
-        scene: parameters at the minimum.
-        linear: residuals and derivatives at the minimum.
-        free: (g,) indices of the adjusted lens parameters.
+        scene: parameters there.
         place_variance: variance of an image coordinate, px², for the weights of positions and surveyed points.
     """
 
+    linear: Linear
     tracks: Tracks
     scene: Scene
-    linear: Linear
-    free: IntArray
     place_variance: float
-
-    @cached_property
-    def reduced(self) -> Reduced:
-        """Normal equations at the minimum."""
-        return reduce(self.tracks, self.linear, self.free)
-
-    @property
-    def dof(self) -> int:
-        """Degrees of freedom: number of measured values minus number of parameters."""
-        points = len(np.unique(self.tracks.point))
-        measured = 2 * len(self.tracks.point) + self.linear.priors.numbers
-        return measured - len(self.free) - 6 * int(self.tracks.used.sum()) - 3 * points
-
-    @property
-    def variance(self) -> float:
-        """Variance of one coordinate, px²."""
-        return self.linear.cost / max(self.dof, 1)
-
-    @property
-    def rms_px(self) -> float:
-        """RMS length of the residual vectors, px."""
-        return float(np.sqrt(2.0 * self.linear.rss / max(2 * len(self.tracks.point), 1)))
 
 
 def adjust_bundle(
@@ -146,7 +115,7 @@ def adjust_bundle(
     *,
     held: Sequence[str] = (),
     place_variance: float = 0.0,
-    most_steps: int = MAX_STEPS,
+    most_steps: int = SEARCH.most_steps,
     worth: float = math.inf,
 ) -> Bundle:
     """Find the minimum of the cost next to the start.
@@ -164,37 +133,27 @@ def adjust_bundle(
         CalibrationError: the start puts a point behind an image that sees it.
     """
     free = np.array([at for at, name in enumerate(start.model.parameters) if name not in held], dtype=np.intp)
-    scene, linear = start, linearise(tracks, start, place_variance)
-    if linear is None:
+    first = linearise(tracks, start, place_variance)
+    if first is None:
         raise CalibrationError("the reconstruction puts a point behind an image that sees it")
-    damping = 0.0
-    for number in range(most_steps):
-        reduced = reduce(tracks, linear, free, damping)
-        step = _solved(reduced)
-        if step is not None and number >= JUDGED_FROM and _promised(linear, reduced, step) > worth:
-            break
-        trial = moved_by(tracks, scene, linear, reduced, free, step) if step is not None else None
+
+    def step(scene: Scene, change: Step) -> Scene | None:
+        trial = moved(tracks, scene, first, change, free)
         if trial is not None and tracks.positions is not None and tracks.control is None:
             # Linearised steps do not rotate the whole world exactly; a similarity does, and keeps the reprojections.
-            trial = anchored(trial, tracks.positions.places, linear.priors.by_place)
-        found = linearise(tracks, trial, place_variance) if trial is not None else None
-        if trial is not None and found is not None and found.cost <= linear.cost:
-            gain, before = linear.cost - found.cost, linear.cost
-            scene, linear = trial, found
-            # Back to undamped steps, which converge quadratically; each of them may still be refused.
-            damping = 0.0 if damping <= NO_DAMPING else damping / 10
-            if gain <= SETTLED * before:
-                break
-        else:
-            damping = max(FIRST_DAMPING, damping * 10)
-            if damping > LARGEST_DAMPING:
-                break
+            trial = anchored(trial, tracks.positions.places, first.priors.by_place)
+        return trial
+
+    scene, linear = minimised(
+        start,
+        first,
+        partial(linearise, tracks, place_variance=place_variance),
+        step,
+        free,
+        replace(SEARCH, most_steps=most_steps),
+        worth=worth,
+    )
     return Bundle(tracks=tracks, scene=scene, linear=linear, free=free, place_variance=place_variance)
-
-
-def _promised(linear: Linear, reduced: Reduced, step: FloatArray) -> float:
-    """Return the cost after a step by the normal equations, px²."""
-    return linear.cost - reduced.from_points - float(reduced.right @ step)
 
 
 class Projections(Struct, frozen=True, kw_only=True, eq=False):
@@ -292,14 +251,23 @@ def linearise(
     active = tracks.nuisances.active if tracks.nuisances is not None and place_variance > 0 else NONE > 0
     by_nuisance = np.zeros((len(arms), 2, len(active)))
     by_nuisance[..., READOUT] = seen.by_readout
+    images, starts = np.flatnonzero(tracks.used), np.flatnonzero(np.diff(tracks.point, prepend=-1))
     linear = Linear(
         residuals=(tracks.pixels - seen.pixels) * weight[:, None],
-        by_lens=seen.by_lens * weight[:, None, None],
-        by_nuisance=by_nuisance[..., active] * weight[:, None, None],
-        by_pose=by_pose * weight[:, None, None],
-        by_point=by_world * weight[:, None, None],
+        shared=np.concatenate([seen.by_lens, by_nuisance[..., active]], axis=2) * weight[:, None, None],
+        gone=by_world * weight[:, None, None],
+        starts=starts,
+        kept=Kept(
+            jac=by_pose * weight[:, None, None],
+            at=(np.cumsum(tracks.used) - 1)[tracks.image],
+            size=len(images),
+        ),
+        scalars=2 * len(arms),
+        members=len(starts),
         world=_world(scene, tracks.used),
         priors=priors_of(tracks, scene, place_variance),
+        images=images,
+        points=tracks.point[starts],
     )
     return linear if np.isfinite(linear.cost) and np.isfinite(seen.by_lens.sum() + by_pose.sum()) else None
 
@@ -321,92 +289,6 @@ def _world(scene: Scene, used: BoolArray) -> FloatArray:
     return by
 
 
-def reduce(tracks: Tracks, linear: Linear, free: IntArray, damping: float = 0.0) -> Reduced:
-    """Eliminate the points from the normal equations.
-
-    Args:
-        tracks: observations.
-        linear: their residuals and derivatives at a scene.
-        free: indices of the adjusted lens parameters.
-        damping: Levenberg–Marquardt damping, relative to the diagonal.
-    """
-    images = np.flatnonzero(tracks.used)
-    by_shared = np.concatenate([linear.by_lens[..., free], linear.by_nuisance], axis=-1)
-    g, own, residuals = by_shared.shape[-1], np.arange(linear.by_pose.shape[-1]), linear.residuals
-    at_image = np.zeros(len(tracks.names), dtype=np.intp)
-    at_image[images] = g + len(own) * np.arange(len(images))
-    size = g + len(own) * len(images)
-    matrix, right = np.zeros((size, size)), np.zeros(size)
-    _fill_diagonal(tracks, linear, by_shared, at_image, matrix, right)
-    starts = np.flatnonzero(np.diff(tracks.point, prepend=-1))
-    point_own = np.add.reduceat(linear.by_point.transpose(0, 2, 1) @ linear.by_point, starts)
-    point_right = np.add.reduceat(np.einsum("nci,nc->ni", linear.by_point, residuals), starts)
-    priors, at = linear.priors, np.arange(size)
-    priors.add(matrix, right, free, at_image[:, None] + np.arange(3, 6))
-    stated, axes = priors.by_point[tracks.point[starts]] ** 2, np.arange(3)
-    point_own[:, axes, axes] += stated
-    point_right += stated * priors.off_point[tracks.point[starts]]
-    if not ((priors.by_place > 0).any() or (priors.by_point > 0).any()):
-        _hold_world(linear.world[images].reshape(-1, GAUGE), matrix, g)
-    matrix[at, at] *= 1.0 + damping
-    inverse = _inverses(point_own, damping)
-    # Multiply by the Cholesky factors of the inverses before filling the coupling matrix, which is mostly zeros.
-    roots = np.linalg.cholesky(inverse)
-    of_point = np.cumsum(np.diff(tracks.point, prepend=-1) > 0) - 1
-    with_shared = np.add.reduceat(by_shared.transpose(0, 2, 1) @ linear.by_point, starts) @ roots
-    with_pose = linear.by_pose.transpose(0, 2, 1) @ (linear.by_point @ roots[of_point])
-    right_roots = np.einsum("pij,pi->pj", roots, point_right)
-    # Points that one image is the first to see are neighbours on the ground.
-    order = np.argsort(np.minimum.reduceat(tracks.image, starts), kind="stable")
-    place = np.empty_like(order)
-    place[order] = np.arange(len(order))
-    place = place[of_point]
-    in_order = np.argsort(place, kind="stable")
-    bounds = np.arange(0, len(order) + POINTS_AT_ONCE, POINTS_AT_ONCE)
-    parts = np.searchsorted(place[in_order], bounds)
-    for first, begin, end in zip(bounds.tolist(), parts[:-1].tolist(), parts[1:].tolist(), strict=False):
-        points, rows = order[first : first + POINTS_AT_ONCE], in_order[begin:end]
-        seeing, local = np.unique(tracks.image[rows], return_inverse=True)
-        columns = np.concatenate([np.arange(g), (at_image[seeing, None] + own).ravel()])
-        coupling = np.zeros((len(columns), len(points), 3))
-        coupling[:g] = with_shared[points].transpose(1, 0, 2)
-        coupling[g + len(own) * local[:, None] + own, place[rows, None] - first] = with_pose[rows]
-        carried = coupling.reshape(len(columns), -1)
-        matrix[np.ix_(columns, columns)] -= carried @ carried.T
-        right[columns] -= carried @ right_roots[points].reshape(-1)
-    return Reduced(
-        matrix=(matrix + matrix.T) / 2,
-        right=right,
-        from_points=float(np.einsum("pi,pij,pj->", point_right, inverse, point_right)),
-        point_inverse=inverse,
-        point_right=point_right,
-        starts=starts,
-    )
-
-
-def _fill_diagonal(
-    tracks: Tracks,
-    linear: Linear,
-    by_shared: FloatArray,
-    at_image: IntArray,
-    matrix: FloatArray,
-    right: FloatArray,
-) -> None:
-    """Fill in the diagonal blocks of lens and nuisances, and of each image, and the blocks between them."""
-    g, own = by_shared.shape[-1], np.arange(linear.by_pose.shape[-1])
-    flat = by_shared.reshape(2 * len(by_shared), g)
-    matrix[:g, :g] = flat.T @ flat
-    right[:g] = flat.T @ linear.residuals.reshape(-1)
-    order = np.argsort(tracks.image, kind="stable")
-    for rows in np.split(order, np.flatnonzero(np.diff(tracks.image[order])) + 1):
-        at = at_image[tracks.image[rows[0]]] + own
-        poses = linear.by_pose[rows].reshape(-1, len(own))
-        matrix[np.ix_(at, at)] = poses.T @ poses
-        shared = by_shared[rows].reshape(2 * len(rows), g).T @ poses
-        matrix[:g, at], matrix[at, :g] = shared, shared.T
-        right[at] = poses.T @ linear.residuals[rows].reshape(-1)
-
-
 def _hold_world(world: FloatArray, matrix: FloatArray, g: int) -> None:
     """Let no step move, turn or scale the world, which nothing determines (inner constraints).
 
@@ -419,36 +301,6 @@ def _hold_world(world: FloatArray, matrix: FloatArray, g: int) -> None:
         matrix += (
             np.outer(along, along) * float(square @ np.diag(matrix)) / max(float(square.sum()) ** 2, 1e-300)
         )
-
-
-def lens_block(reduced: Reduced, size: int) -> tuple[FloatArray, FloatArray, float]:
-    """Eliminate nuisances and poses: return the lens's (g, g) normal matrix and (g,) right-hand side, and the gain.
-
-    The gain is the reduction of the cost by nuisances and poses alone, px².
-
-    Args:
-        reduced: normal equations after elimination of the points.
-        size: number g of lens parameters.
-
-    Raises:
-        CalibrationError: the images do not determine their own poses.
-    """
-    scale = _scale(reduced.matrix)
-    unit = reduced.matrix / np.outer(scale, scale)
-    at = np.arange(size, len(unit))
-    unit[at, at] += LEAST_DAMPING
-    try:
-        carried = np.linalg.solve(
-            unit[size:, size:], np.column_stack([unit[size:, :size], (reduced.right / scale)[size:]])
-        )
-    except np.linalg.LinAlgError:
-        raise CalibrationError("the images do not determine their own poses") from None
-    both = (
-        np.column_stack([unit[:size, :size], (reduced.right / scale)[:size]]) - unit[:size, size:] @ carried
-    )
-    matrix = both[:, :size] * np.outer(scale[:size], scale[:size])
-    from_poses = float((reduced.right / scale)[size:] @ carried[:, size])
-    return (matrix + matrix.T) / 2, both[:, size] * scale[:size], from_poses
 
 
 def with_own(bundle: Bundle, by_own: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -467,74 +319,29 @@ def with_own(bundle: Bundle, by_own: FloatArray) -> tuple[FloatArray, FloatArray
     linear, g, c = bundle.linear, len(bundle.free), by_own.shape[2]
     wide = replace(
         linear,
-        by_pose=np.concatenate([linear.by_pose, by_own], axis=2),
+        kept=replace(linear.kept, jac=np.concatenate([linear.kept.jac, by_own], axis=2)),
         world=np.pad(linear.world, ((0, 0), (0, c), (0, 0))),
     )
-    reduced = reduce(bundle.tracks, wide, bundle.free)
+    reduced = reduce(wide, bundle.free)
     every = np.arange(len(reduced.right))
-    of_images = every[g + linear.by_nuisance.shape[-1] :].reshape(-1, 6 + c)
+    of_images = every[g + linear.nuisances :].reshape(-1, 6 + c)
     sought = np.concatenate([every[:g], of_images[:, 6:].ravel()])
     order = np.concatenate([sought, np.setdiff1d(every, sought)])
     ordered = replace(reduced, matrix=reduced.matrix[np.ix_(order, order)], right=reduced.right[order])
-    return lens_block(ordered, len(sought))[:2]
+    return marginal(ordered, len(sought))[:2]
 
 
-def inverted(matrix: FloatArray) -> FloatArray:
-    """Return the inverse of normal equations.
-
-    Raises:
-        CalibrationError: they do not determine every parameter.
-    """
-    scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
-    if not (scale > 0).all():
-        raise CalibrationError("the images do not determine every parameter of the lens")
-    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
-    if not values[0] > 0:
-        raise CalibrationError("the images do not determine every parameter of the lens")
-    inverse = (vectors / values) @ vectors.T / np.outer(scale, scale)
-    return np.asarray((inverse + inverse.T) / 2)
-
-
-def _scale(matrix: FloatArray) -> FloatArray:
-    scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
-    if not (scale > 0).all():
-        raise CalibrationError("a parameter has no influence on any point: the images do not determine it")
-    return np.asarray(scale)
-
-
-def _solved(reduced: Reduced) -> FloatArray | None:
-    try:
-        scale = _scale(reduced.matrix)
-        unit = reduced.matrix / np.outer(scale, scale)
-        unit[np.diag_indices(len(unit))] += LEAST_DAMPING
-        return np.asarray(np.linalg.solve(unit, reduced.right / scale) / scale)
-    except (CalibrationError, np.linalg.LinAlgError):
-        return None
-
-
-def moved_by(
-    tracks: Tracks, scene: Scene, linear: Linear, reduced: Reduced, free: IntArray, step: FloatArray
-) -> Scene | None:
-    """Apply a step of lens and poses, with the matching step of the points; None if the lens becomes impossible."""
-    g, m, images = len(free), linear.by_nuisance.shape[-1], np.flatnonzero(tracks.used)
-    parameters, nuisances = scene.parameters.copy(), scene.nuisances.copy()
-    parameters[free] += step[:g]
-    if m and tracks.nuisances is not None:
-        nuisances[tracks.nuisances.active] += step[g : g + m]
+def moved(tracks: Tracks, scene: Scene, linear: Linear, step: Step, free: IntArray) -> Scene | None:
+    """Apply a step; None if the lens becomes impossible."""
+    parameters, nuisances, points = scene.parameters.copy(), scene.nuisances.copy(), scene.points.copy()
+    parameters[free] += step.shared[: len(free)]
+    if linear.nuisances and tracks.nuisances is not None:
+        nuisances[tracks.nuisances.active] += step.shared[len(free) :]
     if not scene.model.is_possible(parameters):
         return None
     of_poses = np.zeros((len(tracks.names), 6))
-    of_poses[images] = step[g + m :].reshape(-1, 6)
-    moved = (
-        linear.by_lens[..., free] @ step[:g]
-        + linear.by_nuisance @ step[g : g + m]
-        + np.einsum("ncp,np->nc", linear.by_pose, of_poses[tracks.image])
-    )
-    left = reduced.point_right - np.add.reduceat(
-        np.einsum("nci,nc->ni", linear.by_point, moved), reduced.starts
-    )
-    points = scene.points.copy()
-    points[tracks.point[reduced.starts]] += np.einsum("pij,pj->pi", reduced.point_inverse, left)
+    of_poses[linear.images] = step.kept
+    points[linear.points] += step.gone
     return replace(
         scene,
         parameters=parameters,
@@ -543,12 +350,3 @@ def moved_by(
         points=points,
         nuisances=nuisances,
     )
-
-
-def _inverses(blocks: FloatArray, damping: float) -> FloatArray:
-    """Invert each point's block, with very small damping so that a point with parallel rays does not make all fail."""
-    at = np.arange(3)
-    scale = np.sqrt(blocks[:, at, at])
-    unit = blocks / (scale[:, :, None] * scale[:, None, :])
-    unit[:, at, at] += damping + 1e-12
-    return np.asarray(np.linalg.inv(unit) / (scale[:, :, None] * scale[:, None, :]))

@@ -17,11 +17,12 @@ import numpy as np
 from msgspec import Struct
 
 from calibrary.arrays import BoolArray, FloatArray, IntArray
+from calibrary.calib.least_squares import reduce, step_of
 from calibrary.calib.rejection import RAYLEIGH_MEDIAN
 from calibrary.calib.result import ControlFit, OddMark
 from calibrary.errors import CalibrationError, InputError, ParseError
 from calibrary.records import replace
-from calibrary.sfm.bundle import Bundle, linearise, moved_by, projections, reduce
+from calibrary.sfm.bundle import Bundle, linearise, moved, projections
 from calibrary.sfm.geodesy import LocalFrame
 from calibrary.sfm.priors import GAUGE
 from calibrary.sfm.survey import Survey
@@ -187,8 +188,9 @@ def _triangulated_one(tracks: Tracks, scene: Scene, rows: BoolArray, at: int) ->
             linear = linearise(alone, found, 0.0) if found is not None else None
             if found is None or linear is None:
                 return None
-            reduced = reduce(alone, linear, free)
-            found = moved_by(alone, found, linear, reduced, free, np.zeros(len(reduced.right)))
+            reduced = reduce(linear, free)
+            still = step_of(linear, reduced, np.zeros(len(reduced.right)))
+            found = moved(alone, found, linear, still, free)
         return found.points[at] if found is not None else None
     return None
 

@@ -20,13 +20,14 @@ from typing import Final
 import numpy as np
 
 from calibrary.arrays import FloatArray
+from calibrary.calib.least_squares import inverted, marginal, reduce
+from calibrary.calib.residual_field import splines
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
-from calibrary.sfm.bundle import Bundle, Linear, inverted, lens_block, linearise, reduce, with_own
+from calibrary.sfm.bundle import Bundle, Linear, linearise, with_own
 
 INTERVALS: Final = (6, 4)
 """Four by three followed half of a ripple of half the frame, which moved fy of a fisheye's flights to one side."""
-DEGREE: Final = 3
 CELLS: Final = (27, 21)
 """Of the frame, which count alike where the lens is compared."""
 TAUS_PX: Final = (0.01, 0.03, 0.1, 0.2, 0.4, 0.8)
@@ -50,10 +51,12 @@ def ripple_shift(bundle: Bundle, feature_px: float) -> FloatArray:
     if linear is None:
         raise CalibrationError("the adjusted flight puts a point behind an image that sees it")
     beside = beside_the_lens(bundle, linear, size)
-    by_lens = np.concatenate([linear.by_lens[..., :size], linear.by_lens[..., size:] @ beside], axis=2)
-    free = np.concatenate([bundle.free, np.arange(size, by_lens.shape[2])])
-    reduced = reduce(bundle.tracks, replace(linear, by_lens=by_lens), free)
-    return _by_evidence(bundle, *lens_block(reduced, len(free))[:2], np.array(TAUS_PX) * feature_px)
+    lens, further, nuisances = np.split(linear.shared, [size, size + fields.shape[2]], axis=2)
+    free = np.concatenate([bundle.free, np.arange(size, size + beside.shape[1])])
+    reduced = reduce(
+        replace(linear, shared=np.concatenate([lens, further @ beside, nuisances], axis=2)), free
+    )
+    return _by_evidence(bundle, *marginal(reduced, len(free))[:2], np.array(TAUS_PX) * feature_px)
 
 
 def wander_shift(bundle: Bundle, feature_px: float) -> FloatArray:
@@ -63,7 +66,7 @@ def wander_shift(bundle: Bundle, feature_px: float) -> FloatArray:
         CalibrationError: the images do not determine the camera.
     """
     centre = [bundle.scene.model.parameters.index(name) for name in ("cx", "cy")]
-    equations = with_own(bundle, bundle.linear.by_lens[..., centre])
+    equations = with_own(bundle, bundle.linear.shared[..., centre])
     return _by_evidence(bundle, *equations, np.array(WANDERS_PX) * feature_px)
 
 
@@ -103,7 +106,7 @@ def beside_the_lens(bundle: Bundle, linear: Linear, size: int) -> FloatArray:
     cell = (tracks.pixels / tracks.image_size * CELLS).astype(np.intp).clip(0, np.array(CELLS) - 1)
     number = cell[:, 1] * CELLS[0] + cell[:, 0]
     weight = 1.0 / np.bincount(number, minlength=CELLS[0] * CELLS[1])[number]
-    imitated = np.concatenate([linear.by_lens[..., bundle.free], linear.by_pose[..., :3]], axis=2)
+    imitated = np.concatenate([linear.shared[..., bundle.free], linear.kept.jac[..., :3]], axis=2)
     both = np.einsum("n,nij,nik->kj", weight, imitated, linear.by_lens[..., size:])
     left, _, _ = np.linalg.svd(both / np.maximum(np.linalg.norm(both, axis=0), 1e-300))
     return np.asarray(left[:, both.shape[1] :])
@@ -111,22 +114,10 @@ def beside_the_lens(bundle: Bundle, linear: Linear, size: int) -> FloatArray:
 
 def basis(pixels: FloatArray, image_size: tuple[int, int]) -> FloatArray:
     """Return (N, 2, k) derivatives of the pixels by the coefficients that one of them shows, half across, half down."""
-    x, y = (
-        _splines(pixels[:, axis] / image_size[axis] * INTERVALS[axis], INTERVALS[axis]) for axis in (0, 1)
-    )
+    x, y = (splines(pixels[:, axis] / image_size[axis] * INTERVALS[axis], INTERVALS[axis]) for axis in (0, 1))
     both = (x[:, :, None] * y[:, None, :]).reshape(len(pixels), -1)
     both = both[:, both.any(axis=0)]
     by = np.zeros((len(pixels), 2, 2 * both.shape[1]))
     by[:, 0, : both.shape[1]] = both
     by[:, 1, both.shape[1] :] = both
-    return by
-
-
-def _splines(at: FloatArray, intervals: int) -> FloatArray:
-    """Return (N, intervals + 3) uniform cubic B-splines at places between 0 and ``intervals``."""
-    cell = np.clip(at.astype(np.intp), 0, intervals - 1)
-    t = np.clip(at - cell, 0.0, 1.0)
-    values = np.stack([(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, -3 * t**3 + 3 * t**2 + 3 * t + 1, t**3], axis=1)
-    by = np.zeros((len(at), intervals + DEGREE))
-    np.put_along_axis(by, cell[:, None] + np.arange(DEGREE + 1), values / 6, axis=1)
     return by

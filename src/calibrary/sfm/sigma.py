@@ -25,6 +25,7 @@ from msgspec import Struct
 
 from calibrary.arrays import FloatArray, IntArray
 from calibrary.calib.adjustment import ExtendedStep
+from calibrary.calib.least_squares import Kept, inverted, marginal, reduce
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.lens_series import next_term, shift_of_term
 from calibrary.calib.result import FlightGeometry, FlightNuisance
@@ -36,11 +37,8 @@ from calibrary.sfm.adjust import Adjustment
 from calibrary.sfm.bundle import (
     Bundle,
     adjust_bundle,
-    inverted,
-    lens_block,
     linearise,
     projections,
-    reduce,
     weights_of,
     with_own,
 )
@@ -180,7 +178,7 @@ def covariance(bundle: Bundle) -> FloatArray:
         CalibrationError: the images do not determine the camera.
     """
     size = len(bundle.free)
-    matrix = lens_block(bundle.reduced, size)[0]
+    matrix = marginal(bundle.reduced, size)[0]
     full = np.zeros((len(bundle.scene.parameters),) * 2)
     full[np.ix_(bundle.free, bundle.free)] = bundle.variance * inverted(matrix)
     return full
@@ -197,7 +195,7 @@ def _nuisances_found(bundle: Bundle, geometry: FlightGeometry) -> tuple[FlightNu
         np.median(bundle.scene.centres[bundle.tracks.used, 2]) - np.median(bundle.scene.points[:, 2])
     )
     found = []
-    C = bundle.variance * inverted(lens_block(bundle.reduced, g + m)[0])
+    C = bundle.variance * inverted(marginal(bundle.reduced, g + m)[0])
     std = np.sqrt(np.diag(C))
     for at, number in enumerate(np.flatnonzero(priors.active).tolist(), start=g):
         shares = (C[lens, at] / (std[lens] * std[at])) ** 2 if lens else np.zeros(1)
@@ -223,7 +221,7 @@ def _nuisances_found(bundle: Bundle, geometry: FlightGeometry) -> tuple[FlightNu
 def _unsettled(bundle: Bundle, C: FloatArray) -> FloatArray:
     """Return (n, n) the outer product of the remaining step to the minimum, if the search ended before it."""
     right = np.zeros(len(C))
-    right[bundle.free] = lens_block(bundle.reduced, len(bundle.free))[1]
+    right[bundle.free] = marginal(bundle.reduced, len(bundle.free))[1]
     left = C @ right / bundle.variance
     return np.outer(left, left)
 
@@ -253,20 +251,24 @@ def _half(bundle: Bundle, images: IntArray) -> Half:
     part = replace(tracks, image=tracks.image[rows], point=tracks.point[rows], pixels=tracks.pixels[rows])
     if not (part.used == chosen).all():
         raise CalibrationError("an image of this half shares no point with the others")
+    starts = np.flatnonzero(np.diff(part.point, prepend=-1))
     mine = replace(
         linear,
         residuals=linear.residuals[rows],
-        by_lens=linear.by_lens[rows],
-        by_nuisance=linear.by_nuisance[rows],
-        by_pose=linear.by_pose[rows],
-        by_point=linear.by_point[rows],
+        shared=linear.shared[rows],
+        gone=linear.gone[rows],
+        starts=starts,
+        kept=Kept(jac=linear.kept.jac[rows], at=(np.cumsum(chosen) - 1)[part.image], size=len(images)),
+        scalars=2 * len(rows),
+        members=len(starts),
+        images=np.flatnonzero(chosen),
+        points=part.point[starts],
         priors=linear.priors.of(chosen, np.isin(np.arange(len(bundle.scene.points)), part.point)),
     )
-    reduced = reduce(part, mine, bundle.free)
-    matrix, right, from_poses = lens_block(reduced, len(bundle.free))
-    measured = 2 * len(rows) + mine.priors.numbers
-    dof = measured - 6 * len(images) - 3 * len(reduced.starts) - len(bundle.free)
-    return solved_half(matrix, right, mine.cost - reduced.from_points - from_poses, dof)
+    reduced = reduce(mine, bundle.free)
+    matrix, right, from_poses = marginal(reduced, len(bundle.free))
+    left = mine.cost - float(reduced.from_gone.sum()) - from_poses
+    return solved_half(matrix, right, left, mine.redundancy - len(bundle.free))
 
 
 def _with_fixed_centre(
@@ -361,7 +363,7 @@ def _next_term_shift(bundle: Bundle, C: FloatArray, inflation: float) -> FloatAr
     )
     shift = None
     if linear is not None:
-        matrix, right, _ = lens_block(reduce(bundle.tracks, linear, np.arange(size + 1)), size + 1)
+        matrix, right, _ = marginal(reduce(linear, np.arange(size + 1)), size + 1)
         inverse = inverted(matrix)
         step = inverse @ right
         found = ExtendedStep(step=step, inverse=inverse, gain=max(float(right @ step), 0.0))
