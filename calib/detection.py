@@ -111,7 +111,7 @@ class NamedRemark(Record):
     message: str
 
     @classmethod
-    def of(cls, name: str, remark: Remark | NotFound) -> Self:
+    def of(cls, name: str, remark: Remark) -> Self:
         """Return what a detector said of an image."""
         return cls(name=name, reason=remark.reason, message=remark.text)
 
@@ -296,8 +296,7 @@ def search_image(path: Path, *, board: Board, size: ImageSize) -> SearchedImage:
     except cv2.error as error:
         found = NotFound(reason=Reason.NO_BOARD, text=f"OpenCV gave up on it: {error.err or error}")
     if isinstance(found, NotFound):
-        remark = Remark(reason=found.reason, text=found.text, rejects=True)
-        return SearchedImage(name=path.name, remarks=(remark,), brightness=cells)
+        return SearchedImage(name=path.name, remarks=(found,), brightness=cells)
     sharpness_px, remarks = judge_view(frame.gray, board, found)
     view = View(
         name=frame.name,

@@ -66,13 +66,7 @@ class Found(Struct, frozen=True, kw_only=True, eq=False):
     remarks: tuple[Remark, ...] = ()
 
 
-class NotFound(Struct, frozen=True, kw_only=True):
-    """No board was found.
+class NotFound(Remark, frozen=True, kw_only=True):
+    """No board was found; the text says what was found and what was expected."""
 
-    Attributes:
-        reason: code of the reason.
-        text: what was found and what was expected, without the name of the image.
-    """
-
-    reason: Reason
-    text: str
+    rejects: bool = True
