@@ -371,23 +371,16 @@ def entry_for(
 
 
 def is_same(one: Entry, other: Entry) -> bool:
-    """Whether two entries have the same sources and numbers; operator and date are ignored."""
+    """Whether two entries are of the same cameras and have the same K; what it was read from may differ."""
     return (
         one.path == other.path
-        and _made_of(one) == _made_of(other)
+        and one.calibration.grade is other.calibration.grade
         and type(one.calibration.distortion) is type(other.calibration.distortion)
         and all(
             math.isclose(a, b, rel_tol=SAME_NUMBER, abs_tol=SAME_NUMBER)
             for a, b in zip_longest(_numbers(one), _numbers(other), fillvalue=math.inf)
         )
     )
-
-
-def _made_of(entry: Entry) -> tuple[object, ...]:
-    block = entry.extensions.get(BLOCK)
-    made_from = (block.get("serves"), block.get("sources")) if isinstance(block, dict) else ()
-    made = entry.calibration.provenance
-    return (*made_from, entry.calibration.grade, made.kind, made.sources)
 
 
 def _numbers(entry: Entry) -> list[float]:

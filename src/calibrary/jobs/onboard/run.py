@@ -299,7 +299,7 @@ class Onboarding(Struct, frozen=True, kw_only=True):
                 done,
                 entry=ProposedEntry.of(current, current),
                 decision=Decision.KNOWN,
-                reason=f"the registry already contains it, from the same sources, {current.status.value}",
+                reason=f"the registry already has this K, {current.status.value}",
                 next=f"calibrary registry approve {entry.id}" if current.status is Status.DRAFT else None,
             )
         approving = f"calibrary registry approve {entry.id} --from {branch}"
@@ -309,7 +309,7 @@ class Onboarding(Struct, frozen=True, kw_only=True):
                 done,
                 entry=ProposedEntry.of(waiting, current),
                 decision=Decision.KNOWN,
-                reason=f"its draft is on the branch {branch}, from the same sources",
+                reason=f"a draft with this K is on the branch {branch}",
                 next=approving,
             )
         nominal = self.serves is Serves.UNIT and serves is Serves.MODEL
