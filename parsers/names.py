@@ -16,6 +16,7 @@ MATRICES: Final = (
     "cameramatrix", "cameramat", "cameramtx", "cammatrix", "cammtx", "intrinsicmatrix", "intrinsics", "intrinsic",
     "kmatrix", "matrix", "mtx", "k", "m", "intrinsicsmatrix", "intrinsicmat", "intrinsicparameters",
     "calibrationmatrix", "kmat", "kmtx", "cameraintrinsicmatrix", "cameraintrinsics", "cameraintrinsic", "intrinsicmtx",
+    "camk",
 )  # fmt: skip
 """Of a camera matrix, the most telling first."""
 FOCALS: Final = (
@@ -27,6 +28,7 @@ CENTRES: Final = (
     ("cx", "cy"), ("ppx", "ppy"), ("principalpointx", "principalpointy"), ("centerx", "centery"),
     ("centrex", "centrey"), ("u0", "v0"), ("cu", "cv"), ("px", "py"), ("cameracx", "cameracy"), ("camcx", "camcy"),
     ("opticalcenterx", "opticalcentery"), ("xcenter", "ycenter"), ("xprincipalpoint", "yprincipalpoint"), ("x0", "y0"),
+    ("principalx", "principaly"),
 )  # fmt: skip
 ONE_FOCAL: Final = (
     "focallength", "f", "fc", "focal", "focallengthpx", "calibratedfocallength", "cameraconstant", "principaldistance",
@@ -94,7 +96,7 @@ LENSES: Final = {
     Family.OPENCV: (
         "plumbbob radtan radialtangential brown brownconrady opencv fullopencv pinhole perspective standard rational "
         "rationalpolynomial pinholeradtan radialtangential8 thinprism tilted radial generic perspectivebrown "
-        "polynomial opencv5 opencv8 distortedpinhole"
+        "polynomial opencv5 opencv8 distortedpinhole rectilinear"
     ),
     Family.FISHEYE: (
         "fisheye equidistant kannalabrandt kannalabrandt4 opencvfisheye kb kb4 pinholefisheye fisheyeopencv equi "
@@ -123,7 +125,7 @@ LENS: Final = re.compile(
 RADIAL_FIRST: Final = ("k1", "k2", "k3", "p1", "p2")
 """The order of MATLAB and of photogrammetry, for coefficients that OpenCV orders k1 k2 p1 p2 k3."""
 
-_LABELLED = r"(left|right|cam\d+|camera\d+)?({})(left|right|l|r|\d+)?"
+_LABELLED = r"(left|right|proj|projector|cam\d+|camera\d+)?({})(left|right|l|r|\d+)?"
 MATRIX: Final = re.compile(_LABELLED.format("|".join(MATRICES)))
 """A key of a camera matrix, with what tells it from those of other cameras."""
 VECTOR: Final = re.compile(_LABELLED.format("|".join(COEFFICIENTS)))
@@ -156,8 +158,6 @@ def sides(value: Json) -> tuple[float, float] | None:
         found = _SIZE.fullmatch(value)
         return None if found is None else (float(found[1]), float(found[2]))
     if not isinstance(value, list) or len(value) not in {2, 3}:
-        return None
-    if isinstance(value[0], list):
         return None
     numbers = [float(one) for one in value if isinstance(one, int | float) and not isinstance(one, bool)]
     return (numbers[0], numbers[1]) if len(numbers) == len(value) else None

@@ -105,6 +105,8 @@ OF_ALL: Final = frozenset({"calibration", "calib", "intrinsicparams", "camerapar
 """Of a list of fx fy cx cy, perhaps with the coefficients behind them."""
 OF_DATA: Final = frozenset({"data", "values", "params", "parameters", "coefficients", "coeffs"})
 OF_AXES: Final = {"f": ("fx", "fy"), "c": ("cx", "cy"), "size": ("width", "height")}
+OF_SIZES: Final = frozenset({None, "px", "mm", "um"})
+"""Units of an image's sides, or a sensor's; a height in m is the camera's above the ground."""
 X, Y = frozenset({"x", "u", "width", "w"}), frozenset({"y", "v", "height", "h"})
 SIDES: Final = re.compile(
     r"(left|right|rgb|colou?r|depth|ir|thermal|cam\d{1,2}|camera\d{1,2})?(.+?)(left|right|rgb|colou?r|depth|ir|thermal|cam\d{1,2})?"
@@ -346,6 +348,8 @@ def _whose(part: Part, cameras: Sequence[Part]) -> Sequence[int]:
         ParseError: they are coefficients, and nothing says of which camera.
     """
     beside = [index for index, one in enumerate(cameras) if one.label == part.label]
+    if not beside and (side := _side(part.label)):
+        beside = [index for index, one in enumerate(cameras) if _side(one.label) == side]
     is_of_another = part.has_lens and part.label and part.path == cameras[0].path and not beside
     if len(cameras) == 1 and not is_of_another:
         return [0]
@@ -353,6 +357,12 @@ def _whose(part: Part, cameras: Sequence[Part]) -> Sequence[int]:
         what = "this xi" if part.entries[0].kind == "xi" else "these coefficients"
         part.entries[0].node.fail(f"there is no camera matrix beside {what}")
     return beside if part.label and beside else range(len(cameras))
+
+
+def _side(label: str) -> str:
+    """Which of several cameras a table is of, by its key: color of color_distortion."""
+    found = SIDES.fullmatch(simplified(label))
+    return (found[1] or found[3] or "") if found and found[2] in AROUND else ""
 
 
 def _label(path: tuple[str, ...]) -> str:
@@ -384,6 +394,8 @@ def _entry(key: str, node: Node, around: str, *, by_shape: bool) -> tuple[str, E
         strict.number(node.value, source=node.source, place=node.place)
     if not kind and by_shape:
         kind = _by_shape(simple, numbers, node.value)
+    if kind in OF_AXES["size"] and entry.unit not in OF_SIZES:
+        return None
     return (label, replace(entry, kind=kind)) if kind else None
 
 
@@ -472,7 +484,8 @@ def _by_shape(simple: str, numbers: tuple[float, ...], value: Json) -> str:
     """What numbers without a known name are by their shape: a K, or coefficients beside it."""
     if len(numbers) in OF_K and _is_camera_matrix(numbers):
         return "matrix"
-    is_unnamed = re.fullmatch(r"(?:arr|array)?\d*", simple.replace("_", "")) is not None
+    # Names in another script are not known here: a vector of as many numbers beside K is its lens.
+    is_unnamed = re.fullmatch(r"(?:arr|array)?\d*", simple.replace("_", "")) or not simple.isascii()
     return "coefficients" if is_unnamed and len(numbers) in COUNTS and isinstance(value, list) else ""
 
 

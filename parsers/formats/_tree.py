@@ -290,7 +290,7 @@ class _Lines:
             name = self.heading[0] if self.heading else ""
             indent = self.heading[1] if self.heading else indent
             self.heading = None
-            self._put(name, self._array(body), indent)
+            self._put(name, self._array(body, is_named=bool(name)), indent)
             return
         elif len(_PAIR.findall(body)) > 1 and _depth(body) == 0:
             self._open_heading()
@@ -335,7 +335,7 @@ class _Lines:
             self.at += 1
         return found
 
-    def _array(self, first: str) -> Json:
+    def _array(self, first: str, *, is_named: bool = True) -> Json:
         """The array that begins in this line: rows of numbers, or brackets up to the one that closes them."""
         if _ALL_NUMBERS.fullmatch(first) and _depth(first) == 0 and not _OPENS.match(first):
             rows = [[float(number) for number in _NUMBERS.findall(first)]]
@@ -343,7 +343,11 @@ class _Lines:
             while self.at < len(self.rows) and (row := self.rows[self.at].strip()):
                 if not _ALL_NUMBERS.fullmatch(row) or _OPENS.match(row):
                     break
-                rows.append([float(number) for number in _NUMBERS.findall(row)])
+                numbers = [float(number) for number in _NUMBERS.findall(row)]
+                # Below no name, a row of another length is another array: a baseline below K.
+                if not is_named and len(numbers) != len(rows[0]):
+                    break
+                rows.append(numbers)
                 self.at += 1
             return list[Json](rows[0]) if len(rows) == 1 else list[Json](map(list[Json], rows))
         began, parts, depth = self.at, [first], _depth(first)

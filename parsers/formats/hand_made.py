@@ -607,7 +607,8 @@ class _Camera:
                 return Family.FISHEYE if Family.FISHEYE in known else known[0]
             if entries and kind == "distortion model":
                 _refuse_model(entries[0], self.context.name)
-        return None
+        above = {names.family(key.rstrip("_0123456789")) for key in self.part.path}
+        return Family.FISHEYE if Family.FISHEYE in above else None
 
     def _vectors(self, family: Family | None) -> Iterator[tuple[tuple[float, ...], Entry]]:
         """Every statement of the coefficients, in OpenCV's order."""

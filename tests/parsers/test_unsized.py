@@ -169,6 +169,14 @@ def test_a_zero_that_only_another_order_leaves_is_of_no_lens(lens: dict[str, flo
     assert "in another order" in reason
 
 
+@pytest.mark.parametrize("k3", [-0.21, 0.0])
+def test_large_tangential_terms_below_a_larger_k3_or_without_one_are_of_a_lens(k3: float) -> None:
+    """What a board gives where the principal point was fixed to the middle."""
+    lens = BrownConrady(k1=-0.04, k2=0.12, p1=0.006, p2=0.02, k3=k3)
+    assert why_no_lens(replace(barrelled(0.0), distortion=lens)) is None
+    assert why_no_lens(replace(barrelled(0.0), distortion=replace(lens, p2=0.2))) is not None
+
+
 def barrelled(k1: float) -> Calibration:
     size = (4000, 3000)
     return Calibration(

@@ -15,7 +15,7 @@ import yaml
 
 from calibrary import parsers
 from calibrary.calibration import Calibration
-from calibrary.distortion import BrownConrady, KannalaBrandt, Rational
+from calibrary.distortion import BrownConrady, KannalaBrandt, NoDistortion, Rational
 from calibrary.errors import InputError, MissingSizeError, ParseError, UnsupportedModelError
 from tests.parsers.samples import Sample
 
@@ -154,6 +154,21 @@ def test_four_coefficients_without_a_model_are_asked_in_every_shape_of_k() -> No
             parsers.decode(data, name=name)
         [item] = parsers.decode(data, name=name, options={"distortion": "fisheye"})
         assert isinstance(item.distortion, KannalaBrandt)
+
+
+def test_a_projector_beside_a_camera_is_another() -> None:
+    found = read(
+        as_json({"cam_K": ROWS, "cam_dist": VECTOR, "proj_K": ROWS, "proj_dist": [0.1] * 5}), sized=False
+    )
+    same(found[0])
+    assert [item.distortion.coefficients["k1"] for item in found if item.distortion] == [-0.1131, 0.1]
+
+
+def test_a_table_that_is_called_fisheye_has_a_fisheyes_four() -> None:
+    camera = {"K": ROWS, "distortion": VECTOR[:4], "image_size": [1280, 720]}
+    plain = {**camera, "distortion": []}
+    found = read(as_json({"pinhole_1": plain, "fisheye_1": camera}))
+    assert [type(item.distortion) for item in found] == [NoDistortion, KannalaBrandt]
 
 
 @pytest.mark.parametrize(
@@ -334,6 +349,11 @@ def test_a_camera_is_the_same_in_every_container_at_every_depth_and_by_every_siz
         ("K = [1000.5 0 640.25; 0 1001.5 360.75; 0 0 1];\nD = [-0.1131; 0.0247; 0.0002; -0.0004; 0.0031];\n", [None]),
         ("array([[1000.5, 0, 640.25],\n [0, 1001.5, 360.75], [0, 0, 1]])\n"
          "array([[-0.1131, 0.0247, 0.0002, -0.0004, 0.0031]])\n", [None]),
+        ("误差：0.31\n相机内参：\n[1000.5, 0, 640.25;\n 0, 1001.5, 360.75;\n 0, 0, 1]\n"
+         "畸变系数：\n[-0.1131, 0.0247, 0.0002, -0.0004, 0.0031]\n旋转：\n[-1.3;\n 0.4;\n 2.1]\n", [None]),
+        ("1000.5 0 640.25 0 1001.5 360.75 0 0 1\n-0.1131 0.0247 0.0002 -0.0004 0.0031\n0.063\n", [None]),
+        ("K = [1000.5 0 640.25; 0 1001.5 360.75; 0 0 1]\nD = -0.1131 0.0247 0.0002 -0.0004 0.0031\n"
+         "Camera height: 1.65 m\n", [None]),
     ],
 )  # fmt: skip
 def test_what_programs_print_is_read(text: str, cameras: list[str | None]) -> None:
@@ -354,6 +374,10 @@ def test_what_programs_print_is_read(text: str, cameras: list[str | None]) -> No
          [None]),
         ({"calibration": [FX, FY, CX, CY, *VECTOR], "size": [1280, 720]}, [None]),
         ({"K": ROWS, "D": VECTOR, "size": [720, 1280]}, [None]),
+        ({"rgb_intrinsic": NAMES, "ir_intrinsic": NAMES, "rgb_distortion": BY_NAME, "ir_distortion": BY_NAME,
+          "size": [1280, 720]}, ["rgb_intrinsic", "ir_intrinsic"]),
+        ({"focallength": [FX, FY], "principalx": CX, "principaly": CY, "D": VECTOR, "size": [1280, 720]}, [None]),
+        ({"K": ROWS, "D": VECTOR, "distortion_model": "rectilinear", "size": [1280, 720]}, [None]),
     ],
 )  # fmt: skip
 def test_one_k_is_one_camera_and_equal_statements_are_one(
