@@ -33,20 +33,20 @@ BY_HAND: Final = "hand_made"
 ONLY: Final[Mapping[tuple[Syntax, ...], str]] = {
     (Syntax.XML,): (
         "adobe_lcp agisoft_xml blocksexchange_xml contextcapture_opt gazebo_sdf metashape_document "
-        "micmac_xml qualisys realitycapture_xmp"
+        "micmac_xml realitycapture_xmp"
     ),
     (Syntax.JSON,): (
         "alicevision_sfm gyroflow "
-        "odm_cameras openmvg opensfm opf_calibrated_cameras opf_input_cameras "
+        "odm_cameras opensfm opf_calibrated_cameras opf_input_cameras "
         "opf_project stac_interior_orientation "
         "transforms_json"
     ),
     (Syntax.TEXT,): (
-        "artoolkitplus_cal asp_tsai australis_report bluec_rad bouguet_m bundler "
-        "colmap_text esri_cameras euroc fisheye_adapter hugin_pto inpho_prj "
+        "asp_tsai australis_report bluec_rad bouguet_m bundler "
+        "colmap_text esri_cameras hugin_pto inpho_prj "
         "kalibr kalibr_results kapture keyed_text kitti nvm "
-        "orb_slam orthority photomodeler_export photomodeler_report pix4d_cam "
-        "pix4d_camera_parameters projection_matrix realitycapture_csv ros_camera_info ros_ini stella_vslam "
+        "orb_slam photomodeler_export photomodeler_report pix4d_cam "
+        "pix4d_camera_parameters projection_matrix realitycapture_csv ros_camera_info ros_ini "
         "terraphoto_cal usgs_report zed zi_ssk"
     ),
     (Syntax.BINARY,): ("colmap_binary colmap_database k_npy matlab_mat metashape_archive numpy_npz"),

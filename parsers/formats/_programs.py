@@ -21,6 +21,7 @@ from calibrary.parsers.format import ReadContext, Sure
 from calibrary.parsers.formats import _file_storage as storage
 from calibrary.parsers.formats._one_camera import ORIGIN_UNKNOWN, fisheye, refuse_model
 from calibrary.parsers.formats._opencv_lens import COUNTS, OPENCV_ORDER, lens, smallest_lens
+from calibrary.parsers.formats._robots import ROBOTS
 from calibrary.parsers.formats._scenes import SCENES
 from calibrary.parsers.formats._table import (
     Mark,
@@ -29,6 +30,7 @@ from calibrary.parsers.formats._table import (
     Program,
     at,
     double_sphere,
+    everywhere,
     extended_unified,
     field_of_view,
     find,
@@ -152,25 +154,18 @@ def _first_four(values: Sequence[float]) -> Distortion:
 
 
 def _calibu_cameras(tree: Node, _context: ReadContext) -> Named:
-    yield from ((f"camera {index}", node) for index, node in enumerate(_everywhere(tree, "camera_model")))
-
-
-def _everywhere(node: Node, wanted: str) -> Iterator[Node]:
-    """Every element of a name, wherever it is; several of one name are a list."""
-    for key, inner in node.entries() if isinstance(node.value, dict) else ():
-        for one in inner.items() if isinstance(inner.value, list) else (inner,):
-            yield from (one,) if key == wanted else _everywhere(one, wanted)
+    yield from ((f"camera {index}", node) for index, node in enumerate(everywhere(tree, "camera_model")))
 
 
 def _ftc_cameras(tree: Node, _context: ReadContext) -> Named:
-    for camera in _everywhere(tree, "Camera"):
-        for node in _everywhere(camera, "Calibration"):
+    for camera in everywhere(tree, "Camera"):
+        for node in everywhere(camera, "Calibration"):
             yield f"{at(camera, 'vid').text()} {at(camera, 'pid').text()} {at(node, 'size').text()}", node
 
 
 def _pix4d_cameras(tree: Node, _context: ReadContext) -> Named:
     """With K in px, of lengths in mm and pixels in micrometres."""
-    for node in _everywhere(tree, "camera"):
+    for node in everywhere(tree, "camera"):
         pixel, f, cx, cy = numbers_at(
             node, ("pixelSize", "focalLengthmm", "principalPointXmm", "principalPointYmm")
         )
@@ -284,6 +279,64 @@ def _kinect_lens(values: Sequence[float]) -> Distortion:
 def _radial(values: Sequence[float]) -> Distortion:
     k1, k2, k3 = (*values, 0.0, 0.0, 0.0)[:3]
     return lens((k1, k2, 0.0, 0.0, k3))
+
+
+FIRST_OF_ITS_KIND = 0x80000000
+"""cereal's high bit: what follows is new, its name or its data comes with it."""
+UNNAMED = 0x40000000
+"""cereal's number for an object of the very class the pointer is declared for, which has no name."""
+OPENMVG_ORIGIN = (
+    "OpenMVG does not state if it counts from the centre of the first pixel or its corner; the centre was "
+    "assumed"
+)
+OPENMVG = {
+    "pinhole_radial_k1": Model(_radial, ("disto_k1",), (1,)),
+    "pinhole_radial_k3": Model(_radial, ("disto_k3",), (3,)),
+    "pinhole_brown_t2": Model(lambda k: lens((*k[:2], *k[3:], k[2])), ("disto_t2",), (5,)),
+    "fisheye": Model(fisheye, ("fisheye",), (4,)),
+    "pinhole": Model(),
+}
+
+
+def _openmvg_cameras(tree: Node, _context: ReadContext) -> Named:
+    """Each by its key with its class, cereal's abbreviations written out."""
+    names: dict[int, str] = {}
+    objects: dict[int, Node] = {}
+    for entry in tree["intrinsics"].items():
+        value = entry["value"]
+        number, wrapper = value["polymorphic_id"].whole(), value["ptr_wrapper"]
+        if number >= FIRST_OF_ITS_KIND:
+            names[number - FIRST_OF_ITS_KIND] = value["polymorphic_name"].text()
+        pointer = wrapper["id"].whole()
+        if pointer >= FIRST_OF_ITS_KIND:
+            objects[pointer - FIRST_OF_ITS_KIND] = wrapper["data"]
+        here = objects.get(pointer % FIRST_OF_ITS_KIND)
+        if here is None:
+            wrapper.fail(f"it points to object {pointer}, which does not come before it")
+        name = names.get(number % FIRST_OF_ITS_KIND)
+        if name is None and number != UNNAMED:
+            value.fail(f"its class has number {number}, to which no name was given before")
+        by_keys = next(kind for kind, model in OPENMVG.items() if set(model.numbers) <= set(here.keys()))
+        yield str(entry["key"].whole()), with_more(here, {"kind": name or by_keys})
+
+
+def _openmvg(tree: Node, node: Node, item: Calibration) -> Calibration:
+    """A start where nothing is posed and the camera is as OpenMVG makes it of EXIF or a table of sensors."""
+    (width, height), centre = item.intrinsics.image_size, node["principal_point"].numbers(2)
+    is_touched = centre != (width / 2, height / 2) or (
+        item.distortion is not None and any(item.distortion.coefficients.values())
+    )
+    posed = find(tree, "extrinsics")
+    origin = replace(
+        item.provenance,
+        tool=f"OpenMVG, sfm_data version {tree['sfm_data_version'].text()}",
+        tag=f"intrinsic {item.camera.sub_camera}",
+    )
+    item = noted(replace(item, provenance=origin), OPENMVG_ORIGIN)
+    if is_touched or (posed is not None and posed.items()):
+        return item
+    start = "no image is posed, so this is what OpenMVG starts from, out of EXIF or a table of sensors"
+    return noted(replace(item, grade=Grade.PRIOR), start)
 
 
 MOST_OF_VIKIT = 1000
@@ -832,6 +885,49 @@ Sources: Open3D, ``cpp/open3d/camera/PinholeCameraIntrinsic.cpp``, ``ConvertToJs
         finish=_open3d,
     ),
     Program(
+        name="openmvg",
+        title="OpenMVG sfm_data.json",
+        words="""\
+OpenMVG's ``sfm_data.json``: cameras among views and poses, as the serialisation library cereal writes them.
+
+In the format's own words::
+
+    {"sfm_data_version": "0.3", "views": […], "intrinsics": [{"key": 0, "value": {
+       "polymorphic_id": 2147483649, "polymorphic_name": "pinhole_radial_k3",
+       "ptr_wrapper": {"id": 2147483660, "data": {"width": 4000, "height": 3000, "focal_length": 2856.4,
+         "principal_point": [1992.3, 1520.1], "disto_k3": [-0.02, 0.01, 0.0]}}}}], "extrinsics": […]}
+
+cereal names a class once: later cameras of the class have only its number, ``polymorphic_id``, without the high
+bit; and a camera that occurs twice has its ``data`` once. There is one focal length, in pixels. ``disto_t2`` of
+``pinhole_brown_t2`` is k1 k2 k3 t1 t2 with OpenCV's p1, p2 as t1, t2; ``fisheye`` is OpenCV's. Whether pixels
+count from their corners or centres is not documented: these are read as OpenCV's.
+
+Without extrinsics nothing has been adjusted, and the camera comes only from EXIF and a table of sensors.
+
+Sources: OpenMVG, ``src/openMVG/cameras`` and its documentation, "SfM data format".
+""",
+        suffixes=(".json",),
+        reference="https://openmvg.readthedocs.io/en/latest/software/SfM/SfM_OutputFormat/",
+        syntaxes=JSON,
+        convention=Convention(
+            origin=Origin.PIXEL_CENTRE,
+            coefficients=("k1", "k2", "k3", "t1", "t2"),
+            remarks=(
+                "one focal length",
+                "the origin is not documented: it is read as the centre of the top-left pixel",
+            ),
+        ),
+        marks=(Mark(("sfm_data_version",)),),
+        cameras=_openmvg_cameras,
+        K=("focal_length", "focal_length", "principal_point"),
+        model=("kind",),
+        models=OPENMVG,
+        grade=Grade.ADJUSTED,
+        most=1_000_000,
+        finish=_openmvg,
+        states=("tool",),
+    ),
+    Program(
         name="photonvision",
         title="PhotonVision camera calibration",
         words="""\
@@ -1013,5 +1109,5 @@ Sources: rpg_vikit as FAST-LIVO2 has it, ``vikit_ros/include/vikit/camera_loader
 )
 """In alphabetical order."""
 
-FORMATS: Final = {row.name: row.format() for row in (*PROGRAMS, *SCENES)}
+FORMATS: Final = {row.name: row.format() for row in (*PROGRAMS, *ROBOTS, *SCENES)}
 """By name."""

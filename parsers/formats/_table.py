@@ -1,15 +1,16 @@
 """Formats that are a K and a lens under a program's own names: what a row of their table says, and how it is read.
 
-The rows are in ``_programs`` and, of scenes and data sets, in ``_scenes``. A row names where its numbers stand by
-paths: ``intrinsics.fx``, ``params[4:8]``, and ``cam_fx|A11`` for the first of two that is there. A file without names
-is made a document by the row's ``load``. A format that needs more than that is a module of its own.
+The rows are in ``_programs``, ``_robots`` and, of scenes and data sets, ``_scenes``. A row names where its numbers
+stand by paths: ``intrinsics.fx``, ``params[4:8]``, and ``cam_fx|A11`` for the first of two that is there. A file
+without names is made a document by the row's ``load``. A format that needs more than that is a module of its own.
 """
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -29,7 +30,7 @@ from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native
 from calibrary.parsers.document import Node, accounted
-from calibrary.parsers.format import Format, Option, ReadContext, Sniff, Sure
+from calibrary.parsers.format import Capacity, Format, Option, ReadContext, Sniff, Sure, Write
 from calibrary.parsers.formats import _file_storage as storage
 from calibrary.parsers.formats._json_text import loaded
 from calibrary.parsers.formats._one_camera import ORIGIN, camera, chosen_origin, native_of, refuse_model
@@ -116,6 +117,7 @@ class Program(Struct, frozen=True, kw_only=True):
         is_of_images: whether cameras stand once for each image, so that equal ones are one.
         most: cameras that are read.
         finish: adds what else the file states of a camera, from the document and the camera's table.
+        write, capacity, states: as in :class:`~calibrary.parsers.format.Format`.
     """
 
     name: str
@@ -143,6 +145,9 @@ class Program(Struct, frozen=True, kw_only=True):
     options: tuple[Option, ...] = ()
     idle: tuple[str, ...] = ()
     finish: Callable[[Node, Node, Calibration], Calibration] = lambda _tree, _node, item: item
+    write: Write | None = None
+    capacity: Capacity | None = None
+    states: tuple[str, ...] = ()
 
     def format(self) -> Format:
         """The format that reads the files of this row."""
@@ -160,6 +165,9 @@ class Program(Struct, frozen=True, kw_only=True):
             needs_image_size=not self.size,
             options=(*self.options, *((ORIGIN,) if self.asks_origin else ())),
             idle=self.idle,
+            write=self.write,
+            capacity=self.capacity,
+            states=self.states,
         )
 
 
@@ -199,6 +207,19 @@ def under(table: str, keys: str) -> tuple[str, ...]:
     return tuple(f"{table}.{key}" for key in keys.split())
 
 
+def with_rest(item: Calibration, node: Node, prefix: str, own: Collection[str]) -> Calibration:
+    """With the other keys of its table, as JSON."""
+    rest = ((key, child.value) for key, child in node.entries() if key not in own)
+    return replace(
+        item, extras=tuple((prefix + key, json.dumps(value, ensure_ascii=False)) for key, value in rest)
+    )
+
+
+def rest_of(item: Calibration, prefix: str) -> dict[str, str]:
+    """What :func:`with_rest` kept, by its keys."""
+    return {key.removeprefix(prefix): text for key, text in item.extras if key.startswith(prefix)}
+
+
 def noted(item: Calibration, *notes: str) -> Calibration:
     """With more notes."""
     return replace(item, notes=(*item.notes, *notes))
@@ -212,6 +233,13 @@ def at(node: Node, path: str) -> Node:
     """
     found = find(node, path) or _followed(node, path.partition("|")[0], is_needed=True)
     return found or node
+
+
+def everywhere(node: Node, wanted: str) -> Iterator[Node]:
+    """Every element of a name, wherever it is; several of one name are a list."""
+    for key, inner in node.entries() if isinstance(node.value, dict) else ():
+        for one in inner.items() if isinstance(inner.value, list) else (inner,):
+            yield from (one,) if key == wanted else everywhere(one, wanted)
 
 
 def find(node: Node, path: str) -> Node | None:

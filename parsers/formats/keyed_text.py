@@ -83,7 +83,7 @@ def write(calibrations: Sequence[Calibration], _context: WriteContext) -> bytes:
         for row in rows
         if row.isprintable() and row == COMMENT.sub("", row).strip() and "=  " not in row
     )
-    return f"# Camera calibration: one key to a line, its unit in its name.\n{body}".encode()
+    return f"{HEADING}\n{body}".encode()
 
 
 FORMAT = Format(

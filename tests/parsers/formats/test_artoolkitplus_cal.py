@@ -8,8 +8,8 @@ import pytest
 
 from calibrary import parsers
 from calibrary.calibration import Calibration, Grade
-from calibrary.distortion import BrownConrady, NoDistortion, Rational
-from calibrary.errors import ParseError, UnsupportedModelError
+from calibrary.distortion import NoDistortion
+from calibrary.errors import ParseError
 from calibrary.records import replace
 from tests.parsers.cameras import camera
 
@@ -87,11 +87,3 @@ def test_the_iterations_survive() -> None:
     data, verdict = parsers.encode([read(CAL)], "artoolkitplus_cal")
     assert verdict.dropped == ()
     assert data.endswith(b" 10\n")
-
-
-def test_a_lens_that_it_lacks_is_refitted_within_the_limit() -> None:
-    rational = Rational(k1=0.31, k2=0.05, p1=-0.0004, p2=0.0008, k3=-0.002, k4=0.42, k5=0.02, k6=0.001)
-    with pytest.raises(UnsupportedModelError, match="--max-error-px"):
-        parsers.encode([camera(rational)], "artoolkitplus_cal")
-    data, _ = parsers.encode([camera(rational)], "artoolkitplus_cal", max_error_px=0.5)
-    assert isinstance(read(data.decode()).distortion, BrownConrady)

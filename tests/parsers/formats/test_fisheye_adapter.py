@@ -13,7 +13,7 @@ from calibrary.calibration import Calibration
 from calibrary.distortion import KannalaBrandt
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.parsers.content import Content
-from calibrary.parsers.formats.fisheye_adapter import sniff
+from calibrary.parsers.discovery import known_formats
 from tests.parsers.samples import Sample
 
 HEAD = "image:\n  width: 752\n  height: 480\nparameter:\n"
@@ -58,7 +58,7 @@ def test_the_unified_models(more: str, beta: float) -> None:
 
 @pytest.mark.parametrize("text", [DS.replace("  cx:", "  px:"), DS.replace("parameter:", "parameters:")])
 def test_what_lacks_a_key_of_it_is_no_file_of_it(text: str) -> None:
-    assert sniff(Content(text.encode(), "DS.yml")) is None
+    assert known_formats()["fisheye_adapter"].sniff(Content(text.encode(), "DS.yml")) is None
 
 
 def test_kannala_and_brandt() -> None:

@@ -150,7 +150,7 @@ def test_a_class_without_a_counterpart_is_refused_by_name(name: str) -> None:
         ({"disto_k3": [0.2, -0.8]}, "2 numbers, expected 3"),
         ({"focal_length": -1}, "focal lengths"),
         ({"focal_length": None}, "expected a number"),
-        ({"principal_point": 5}, "expected a list"),
+        ({"principal_point": 5}, "3 numbers, expected 4"),
         ({"width": 0}, "image size"),
     ],
     ids=str,

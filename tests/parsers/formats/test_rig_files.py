@@ -136,7 +136,7 @@ def test_qualisys_counts_in_64ths_of_a_pixel() -> None:
     ("old", "new", "kind", "match"),
     [
         ('skew="0"', 'skew="3"', UnsupportedModelError, "skew"),
-        ('focalLengthU="107872.609375"', "", ParseError, "26580, focalLengthU"),
+        ('focalLengthU="107872.609375"', "", ParseError, "no 'focalLengthU'"),
         ('sensorMaxU="122879.000000"', 'sensorMaxU="-5"', ParseError, "image size"),
         ("</cameras>", '<camera serial="26580"><intrinsic/></camera></cameras>', ParseError, "same serial"),
     ],
