@@ -1,29 +1,22 @@
 """A flight of any number of 20-megapixel frames with 60 kB of metadata each, to measure on.
 
-    python -m benchmarks.corpus OUT --images N [--distinct D] [--file-mb M] [--cameras C]
-
 What a reader of metadata meets is as a Phantom 4 RTK writes it, in kind and in size: EXIF with a 30 kB
 MakerNote and a thumbnail, an XMP segment filled up to 8 kB, the multi-picture index, a colour profile, the
 maker's debug segments; date, position and attitude differ from frame to frame.
 
 What it does not meet is cheap. The scan is one flat grey frame of 78 kB. Behind the end of the image, where
 the camera appends its preview, a hole brings the file to its usual length and takes no disk: a program that
-reads whole files gets through that part faster than it would. Frames beyond the first D are hard links to
-those D in turn, so 100 000 images with D = 2000 take 0.3 GB. They are opened and read like any others, but
-the page cache holds the D only once; :func:`forgotten` drops them from it, for a measure of the disk. Copy the folder
-with a tool that keeps holes and links, or make it anew.
+reads whole files gets through that part faster than it would.
 
-With C cameras the frames are taken by each in turn; they differ in the model that EXIF names.
+With several cameras the frames are taken by each in turn; they differ in the model that EXIF names.
 """
 
 from __future__ import annotations
 
-import argparse
 import io
 import os
 import struct
-import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from datetime import datetime, timedelta
 from functools import cache
 from pathlib import Path
@@ -49,40 +42,26 @@ SIZE = (5472, 3648)
 MAKER_NOTE_BYTES = 31_400
 PER_FOLDER = 999
 """What DCF, the rule for cameras' file systems, lets a folder hold."""
-LINKS_PER_FILE = 60_000
-"""ext4 allows 65 000 names of one file."""
 
 
 def write_corpus(
-    out: Path, images: int, *, distinct: int = 2000, file_bytes: int = 8_000_000, cameras: int = 1
+    out: Path, images: int, *, cameras: int = 1, size: tuple[int, int] = SIZE, file_bytes: int = 8_000_000
 ) -> list[Path]:
-    """Write ``images`` frames, 999 to a folder, of which ``distinct`` are files of their own.
+    """Write ``images`` frames, 999 to a folder; those of another size than the camera's are resized, as EXIF tells.
 
     Returns:
         Their paths, in the order they were taken.
     """
-    distinct = min(images, max(distinct, -(-images // LINKS_PER_FILE)))
-    scan = flat_scan(SIZE)
+    scan = flat_scan(size)
     paths: list[Path] = []
     for index in range(images):
         path = out / f"{100 + index // PER_FOLDER}MEDIA" / f"DJI_{index % PER_FOLDER + 1:04}.JPG"
         if index % PER_FOLDER == 0:
             path.parent.mkdir(parents=True, exist_ok=True)
-        if index < distinct:
-            path.write_bytes(assemble(head_segments(index, cameras), scan))
-            os.truncate(path, max(file_bytes, path.stat().st_size))
-        else:
-            path.hardlink_to(paths[index % distinct])
+        path.write_bytes(assemble(head_segments(index, cameras), scan))
+        os.truncate(path, max(file_bytes, path.stat().st_size))
         paths.append(path)
     return paths
-
-
-def forgotten(paths: Iterable[Path]) -> None:
-    """Have the operating system drop what it remembers of files."""
-    for path in paths:
-        descriptor = os.open(path, os.O_RDONLY)
-        os.posix_fadvise(descriptor, 0, 0, os.POSIX_FADV_DONTNEED)
-        os.close(descriptor)
 
 
 def head_segments(index: int, cameras: int = 1) -> Iterator[Segment]:
@@ -151,39 +130,3 @@ def _colour_profile() -> bytes:
     # Bytes 24 … 35 are the date the profile was made (ICC.1, 7.2.8): now, which would differ from run to run.
     profile[24:36] = bytes.fromhex("07e80005001100060000") + b"\0\0"
     return bytes(profile)
-
-
-def main() -> None:
-    """Write a corpus and print what it takes."""
-    parser = argparse.ArgumentParser(description="Write 20-megapixel frames with 60 kB of metadata each.")
-    parser.add_argument("out", type=Path, metavar="OUT")
-    parser.add_argument("--images", type=int, required=True, metavar="N")
-    parser.add_argument(
-        "--distinct", type=int, default=2000, metavar="D", help="the rest are hard links to them"
-    )
-    parser.add_argument("--cameras", type=int, default=1, metavar="C", help="that take the frames in turn")
-    parser.add_argument("--file-mb", type=float, default=8.0, metavar="M", help="apparent length of a file")
-    arguments = parser.parse_args()
-    if min(arguments.images, arguments.distinct, arguments.cameras) < 1:
-        parser.error("--images, --distinct and --cameras want at least 1")
-    if arguments.out.exists() and any(arguments.out.iterdir()):
-        parser.error(f"{arguments.out} is not empty")
-    start = time.perf_counter()
-    file_bytes = int(arguments.file_mb * 1e6)
-    paths = write_corpus(
-        arguments.out,
-        arguments.images,
-        distinct=arguments.distinct,
-        file_bytes=file_bytes,
-        cameras=arguments.cameras,
-    )
-    seconds = time.perf_counter() - start
-    head = 2 + sum(len(segment.encode()) for segment in head_segments(0))
-    files = {status.st_ino: status.st_blocks * 512 for status in map(os.stat, paths)}
-    print(f"{len(paths)} images, {len(files)} of them files of their own, in {seconds:.1f} s")
-    print(f"metadata {head / 1e3:.1f} kB and {paths[0].stat().st_size / 1e6:.1f} MB each")
-    print(f"{sum(files.values()) / 1e6:.1f} MB of disk")
-
-
-if __name__ == "__main__":
-    main()

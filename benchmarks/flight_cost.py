@@ -1,11 +1,11 @@
 """What a flight costs against COLMAP's own pipeline on the same images: processor time and memory.
 
-    python benchmarks/flight_cost.py [FOLDER] [--images N] [--rounds N]
+    python -m benchmarks.flight_cost [FOLDER] [--images N] [--rounds N]
 
 Without FOLDER twelve images of 20 megapixels are rendered. Every program runs in a process of its own, in turn, so that
 the load of the machine meets all of them: ``--verify``'s look, ``calibrate flight``, and what
 ``colmap automatic_reconstructor`` does through pycolmap with its defaults: features at up to 3200 px, every pair,
-incremental mapping. Wanted: a look below 120 s of processor time (a minute on two idle cores) and 2 GB.
+incremental mapping.
 """
 
 from __future__ import annotations
@@ -17,16 +17,13 @@ import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 # The matrices are small: threads of BLAS cost more than they save, several times over on a busy machine.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-if not TYPE_CHECKING:
-    # A program's own folder is where Python looks first.
-    sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from PIL import Image
 
+from benchmarks.table import compared
 from calibrary.calibration import Calibration, Intrinsics
 from calibrary.jobs.calibrate.run import Told
 from calibrary.jobs.calibrate_flight.run import FlightOptions, solve_images
@@ -55,23 +52,31 @@ def main() -> None:
         return
     with tempfile.TemporaryDirectory() as temporary:
         folder = given.folder or _rendered(Path(temporary))
-        print(f"{'program':<20}{'CPU s':>8}{'peak MB':>9}")
+        costs: dict[str, list[float]] = {name: [] for name in PROGRAMS}
         for _ in range(given.rounds):
-            for name in PROGRAMS:
-                arguments = [
-                    sys.executable,
-                    __file__,
-                    str(folder),
-                    f"--images={given.images}",
-                    f"--run={name}",
-                ]
-                process = subprocess.Popen(arguments)
-                _, status, used = os.wait4(process.pid, 0)
-                failed = "" if status == 0 else f"  status {status}"
-                print(
-                    f"{name:<20}{used.ru_utime + used.ru_stime:>8.1f}{used.ru_maxrss / MB:>9.0f}{failed}",
-                    flush=True,
-                )
+            for name, found in costs.items():
+                found.append(_cpu_of(name, folder, given.images))
+    for name in OURS:
+        compared(
+            f"{name}, {given.images} images", costs[name], costs[PEER], scale=1, unit="s", name=PEER, most=1.0
+        )
+
+
+def _cpu_of(name: str, folder: Path, images: int) -> float:
+    """Seconds of a program in a process of its own; what it says of itself, and its memory, go to standard error."""
+    arguments = [
+        sys.executable,
+        "-m",
+        "benchmarks.flight_cost",
+        str(folder),
+        f"--images={images}",
+        f"--run={name}",
+    ]
+    process = subprocess.Popen(arguments, stdout=sys.stderr)
+    _, status, used = os.wait4(process.pid, 0)
+    assert status == 0, name
+    print(f"  {name}: peak {used.ru_maxrss / MB:.0f} MB", file=sys.stderr)
+    return used.ru_utime + used.ru_stime
 
 
 def _rendered(folder: Path) -> Path:
@@ -116,11 +121,9 @@ def _colmap(paths: Sequence[Path]) -> None:
             print(f"  fx {focal:.1f} px, {model.num_reg_images()} images")
 
 
-PROGRAMS: dict[str, Callable[[Sequence[Path]], None]] = {
-    "--verify": _look,
-    "calibrate flight": _flight,
-    "pycolmap's defaults": _colmap,
-}
+PEER = "pycolmap's defaults"
+OURS: dict[str, Callable[[Sequence[Path]], None]] = {"--verify": _look, "calibrate flight": _flight}
+PROGRAMS = {**OURS, PEER: _colmap}
 
 
 if __name__ == "__main__":

@@ -3,8 +3,8 @@
     python -m benchmarks.run [NAME …]
 
 A benchmark prints rows by :mod:`benchmarks.table`; what one prints in lines of its own stands on the screen alone. The
-page has the rows with a limit, missed ones first, and one for many alike. A benchmark that fails, or takes too long, is
-named with the last line that it said; the others go on. With names, only those are run, and the page is left alone.
+page has the rows beside a peer, missed limits first, and one for many alike. A benchmark that fails, or takes too long,
+is named with the last line that it said; the others go on. With names, only those are run, and the page is left alone.
 """
 
 from __future__ import annotations
@@ -31,22 +31,15 @@ NUMBER = re.compile(r"[\d.]+(?:e[+-]?\d+)?")
 SECONDS = {"s": 1.0, "ms": 1e-3, "µs": 1e-6}
 
 QUICK: dict[str, tuple[str, ...]] = {
-    "extract": ("--quick",),
-    "scale": ("--images", "500", "--table", "1000000"),
     "startup": ("--quick",),
-    "calls": (),
-    "geometry": ("--rounds", "5"),
-    "parsers": ("--quick",),
-    "registry": ("--quick",),
-    "registry_entries": ("--quick",),
+    "extract": ("--images", "500", "--repeats", "3"),
+    "registry_entries": ("--entries", "1000", "--repeats", "3"),
     "publish": ("--entries", "2000", "--resolves", "500"),
-    "pages": ("--entries", "100", "--no-browser"),
+    "parsers": ("--repeats", "3"),
+    "geometry": ("--rounds", "5"),
     "detection": ("--frames", "2"),
-    "calibration": ("--only", "speed"),
-    "rig": ("--seeds", "1"),
-    "coverage": ("--sets", "1"),
-    "diff": ("--only", "draws", "--draws", "100"),
-    "verdicts": ("--quick",),
+    "calibration": ("--views", "25", "100"),
+    "flight_cost": ("--images", "8"),
 }
 """By area, the benchmark's name: what makes it quick."""
 
@@ -99,22 +92,19 @@ def _as_installed() -> dict[str, str]:
 
 
 def shown(rows: Sequence[tuple[str, Row]]) -> list[tuple[str, Row]]:
-    """Return what the page shows: limits that are missed first, and of many alike the one nearest to its limit."""
-    missed = [(area, row) for area, row in rows if row.met == "no"]
-    alike: dict[tuple[str, str, str], list[Row]] = {}
+    """Return what the page shows: rows beside a peer, missed limits first; of many alike the worst one."""
+    alike: dict[tuple[bool, str, str, str], list[Row]] = {}
     for area, row in rows:
-        if row.met == "yes":
-            alike.setdefault((area, row.measure.split(" ")[0], row.limit), []).append(row)
-    met = []
-    for (area, _, _), same in alike.items():
-        if len(same) <= FEW:
-            met += [(area, row) for row in same]
-            continue
-        nearest = max(same, key=share_of_limit)
-        met.append(
-            (area, nearest._replace(measure=f"{nearest.measure}, the nearest of {len(same)} to its limit"))
-        )
-    return missed + met
+        if row.ratio:
+            alike.setdefault((row.met != "no", area, row.measure.split(" ")[0], row.limit), []).append(row)
+    found = []
+    for (_, area, _, limit), same in sorted(alike.items(), key=lambda item: not item[0][0], reverse=True):
+        if len(same) <= FEW or not limit:
+            found += [(area, row) for row in same]
+        else:
+            worst = max(same, key=share_of_limit)
+            found.append((area, worst._replace(measure=f"{worst.measure}, the worst of {len(same)} alike")))
+    return found
 
 
 def share_of_limit(row: Row) -> float:

@@ -2,8 +2,8 @@
 
     python -m benchmarks.startup [--quick]
 
-The unavoidable imports of a command are listed here and named in docs/performance.md: of what it loads, the libraries
-that do its work. Compiled modules are there already; a first run compiles them.
+The unavoidable imports of a command are listed here: of what it loads, the libraries that do its work. Compiled modules
+are there already; a first run compiles them.
 """
 
 from __future__ import annotations
@@ -16,20 +16,29 @@ import tempfile
 from functools import partial
 from pathlib import Path
 
-from benchmarks.table import at_most, compared, in_turns, machine
+from benchmarks.corpus import write_corpus
+from benchmarks.table import compared, in_turns, machine
 
 XML = """<?xml version="1.0" encoding="UTF-8"?>
 <calibration><projection>frame</projection><width>5472</width><height>3648</height>
 <f>3657.6</f><cx>3.1</cx><cy>-8.2</cy><k1>-0.0102</k1></calibration>
 """
-UNAVOIDABLE = {
-    "catalogue M3T": (["catalogue", "M3T"], "msgspec, yaml, rich.console"),
+COMMANDS = {
+    "--version": (["--version"], "pass", None),
+    "--help": (["--help"], "pass", None),
+    "catalogue M3T": (["catalogue", "M3T"], "import msgspec, yaml, rich.console", 1.3),
     "inspect one.xml": (
         ["inspect", "one.xml"],
-        "msgspec, yaml, rich.console, numpy, lxml.etree, importlib.metadata",
+        "import msgspec, yaml, rich.console, numpy, lxml.etree, importlib.metadata",
+        1.3,
+    ),
+    "extract of two images": (
+        ["extract", "flight", "--recursive", "--output-matrix", "K.npy"],
+        "import numpy, lxml.etree, msgspec, rich.console",
+        2.5,
     ),
 }
-"""By command: its arguments, and the modules that no way of writing it could do without."""
+"""By command: its arguments, the program that no way of writing it could do without, and how many times its cost."""
 LEAN = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
 """As the command sets it for itself: to start OpenBLAS's threads takes a quarter of what the libraries take."""
 
@@ -43,6 +52,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "one.xml").write_text(XML, encoding="utf-8")
+        write_corpus(folder / "flight", 2)
 
         def run(*arguments: str) -> None:
             command = [sys.executable, *arguments]
@@ -50,26 +60,13 @@ def main() -> None:
                 command, cwd=folder, env=LEAN, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, check=True
             )
 
-        for flag in ("--version", "--help"):
+        for what, (arguments, program, most) in COMMANDS.items():
             times = in_turns(
-                {"ours": partial(run, "-m", "calibrary", flag), "peer": partial(run, "-c", "pass")},
+                {"ours": partial(run, "-m", "calibrary", *arguments), "peer": partial(run, "-c", program)},
                 repeats,
             )
             ours, bare = ([cost.cpu_s for cost in times[who]] for who in ("ours", "peer"))
-            compared(f"calibrary {flag}", ours, bare, scale=1e3, unit="ms", name="python -c pass")
-            at_most(f"calibrary {flag}", sorted(ours)[len(ours) // 2], "s", 0.1)
-        for what, (arguments, modules) in UNAVOIDABLE.items():
-            times = in_turns(
-                {
-                    "ours": partial(run, "-m", "calibrary", *arguments),
-                    "peer": partial(run, "-c", f"import {modules}"),
-                },
-                repeats,
-            )
-            ours, bare = ([cost.cpu_s for cost in times[who]] for who in ("ours", "peer"))
-            compared(
-                f"calibrary {what}", ours, bare, scale=1e3, unit="ms", name=f"import {modules}", most=1.3
-            )
+            compared(f"calibrary {what}", ours, bare, scale=1e3, unit="ms", name=program, most=most)
 
 
 if __name__ == "__main__":

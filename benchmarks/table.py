@@ -94,18 +94,6 @@ def compared(
     show(measure, *shown, ratio=f"{ratio:.3g} ×", limit=limit, met=good)
 
 
-def interleaved(contestants: Mapping[str, Callable[[], object]], repeats: int) -> dict[str, list[float]]:
-    """Seconds of the clock of every contestant, in turns; for what waits for a disk or a network."""
-    costs = in_turns(contestants, repeats)
-    return {name: [cost.wall_s for cost in found] for name, found in costs.items()}
-
-
-def ratio(these: list[float], those: list[float]) -> tuple[str, float]:
-    """The median of the ratios of repetitions side by side, as text with its range, and as a number."""
-    ratios = [a / b for a, b in zip(these, those, strict=True)]
-    return f"{median(ratios):.2f} × ({min(ratios):.2f} … {max(ratios):.2f})", median(ratios)
-
-
 def row(
     measure: str,
     shown: str,

@@ -10,7 +10,7 @@ leaves the tags as they are, so what contradicts the camera's own way of writing
 * **encoding**: segments, tables, sampling and parts of EXIF that the maker's cameras do not write, or always write, and
   those in which the image differs from the others of its flight.
 
-What was measured of each is in ``benchmarks/originals.py``: none may be seen in more than one of a hundred originals.
+None may be seen in more than one of a hundred originals.
 """
 
 from __future__ import annotations
