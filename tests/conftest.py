@@ -51,6 +51,7 @@ def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "thorough: a test of make test-thorough alone")
     config.addinivalue_line("markers", "walk: a test with a browser that is one of make test, too")
     config.pluginmanager.register(Meter(read_dear(), fails=not THOROUGH))
+    gc.disable()  # until all is collected: looking through ever more tests takes seconds, and finds nothing
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -84,6 +85,7 @@ def pytest_collection_finish() -> None:
     """What was collected stays to the end: no garbage collection looks at it again."""
     gc.collect()
     gc.freeze()
+    gc.enable()
 
 
 Flight: TypeAlias = "tuple[Path, list[DemoImage]]"
@@ -92,7 +94,7 @@ Flight: TypeAlias = "tuple[Path, list[DemoImage]]"
 @pytest.fixture(scope="session")
 def demo_flight(tmp_path_factory: pytest.TempPathFactory) -> Flight:
     """The flight of ``calibrary demo``, written once for all who only look at it."""
-    from calibrary.jobs.demo.flight import write_flight  # noqa: PLC0415  slow to import, and few tests ask for it
+    from calibrary.jobs.demo.flight import write_flight
 
     out = tmp_path_factory.mktemp("demo") / "flight"
     return out, write_flight(out)
@@ -101,8 +103,8 @@ def demo_flight(tmp_path_factory: pytest.TempPathFactory) -> Flight:
 @pytest.fixture(scope="session")
 def furnished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a file for every example of a docstring; made once, not to be changed."""
-    from tests.registry.git.repositories import seclude  # noqa: PLC0415  as above
-    from tests.workshop import furnish  # noqa: PLC0415  as above
+    from tests.registry.git.repositories import seclude
+    from tests.workshop import furnish
 
     folder = tmp_path_factory.mktemp("workshop")
     with pytest.MonkeyPatch.context() as patch:

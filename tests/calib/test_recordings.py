@@ -49,8 +49,8 @@ def video(path: Path, frames: Sequence[Gray]) -> Path:
 
 def bag(path: Path, frames: Sequence[Gray], topics: Sequence[str] = ("/image_raw",), **made: Any) -> Path:
     pytest.importorskip("rosbags")
-    from rosbags.rosbag1 import Writer  # noqa: PLC0415  an extra
-    from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS1_NOETIC)
     kind = "sensor_msgs/msg/" + ("CompressedImage" if made.get("compressed") else "Image")

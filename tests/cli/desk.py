@@ -193,7 +193,7 @@ class Ran:
 
 def furnish(folder: Path) -> None:
     """Put an example of everything into a folder."""
-    from PIL import Image  # noqa: PLC0415
+    from PIL import Image
 
     picture(folder / "survey/a.jpg", (5472, 3648), **P4R, dewarp=DEWARP)
     picture(folder / "survey/b.jpg", **NOBODY)

@@ -7,9 +7,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-import nbformat
 import pytest
-from nbclient import NotebookClient
 
 from tests.conftest import Flight
 from tests.house.project import ROOT
@@ -31,6 +29,9 @@ def printed(notebook: Any) -> list[str]:
 # What Jupyter's own libraries tell one another.
 @pytest.mark.filterwarnings("ignore")
 def test_a_notebook_prints_what_it_shows(path: Path, tmp_path: Path, demo_flight: Flight) -> None:
+    import nbformat
+    from nbclient import NotebookClient
+
     shutil.copytree(demo_flight[0], tmp_path / "flight", copy_function=os.link)
     shown = nbformat.read(path, as_version=4)  # type: ignore[no-untyped-call]
     run = nbformat.read(path, as_version=4)  # type: ignore[no-untyped-call]

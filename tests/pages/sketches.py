@@ -12,7 +12,7 @@ import pytest
 @contextmanager
 def sketched() -> Iterator[None]:
     """Plots are painted but neither laid out nor written: most of a page's time, and tests/pages looks at that."""
-    from matplotlib.figure import Figure  # noqa: PLC0415  slow to import, and few tests ask for it
+    from matplotlib.figure import Figure
 
     def save(self: Figure, file: TextIO, **_: object) -> None:
         width, height = self.get_size_inches() * self.dpi

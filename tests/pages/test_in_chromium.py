@@ -9,9 +9,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Page, Route, sync_playwright
 
 from calibrary.cli.main import main
 from calibrary.jobs.extract.told import told
@@ -20,6 +20,9 @@ from tests.house.project import ROOT
 from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, picture, plan
 from tests.pages.gallery import gallery
 from tests.registry.git.repositories import seclude
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, BrowserContext, Page, Route
 
 BROWSERS = ("chromium", "google-chrome", "chromium-browser")
 PROGRAM = next((path for name in BROWSERS if (path := shutil.which(name)) is not None), None)
@@ -50,6 +53,8 @@ class Seen:
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
+    from playwright.sync_api import sync_playwright
+
     with sync_playwright() as playwright:
         # Chromium's sandbox does not start for root, as whom containers run.
         root = hasattr(os, "geteuid") and os.geteuid() == 0

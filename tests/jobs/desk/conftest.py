@@ -7,16 +7,19 @@ import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 import pytest
-from playwright.sync_api import Browser, Page
 
 from calibrary.jobs.desk import desk
 from calibrary.jobs.desk.guard import Desk
 from tests.jobs.site.conftest import registry
 from tests.pages.test_in_chromium import DESK, browser
 from tests.registry.git.repositories import nobodys_git
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
 
 __all__ = ["browser", "nobodys_git", "registry"]
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
-from scipy.spatial.transform import Rotation
 
 from calibrary.calibration import Calibration, Covariance, Grade, Quality
 from calibrary.distortion import BrownConrady, KannalaBrandt, Rational
@@ -48,6 +46,9 @@ def numbers_of(a: Calibration, b: Calibration) -> Numbers:
 
 def by_scipy(a: Calibration, b: Calibration, pixels: np.ndarray) -> np.ndarray:
     """(N, 2) px: OpenCV's projections of the same directions, the rotation found by scipy's least squares."""
+    from scipy.optimize import least_squares
+    from scipy.spatial.transform import Rotation
+
     K, D, rays = [], [], None
     for one in (a, b):
         matrix, coefficients = one.to_opencv()

@@ -6,9 +6,9 @@ import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
-from playwright.sync_api import Browser, Page, sync_playwright
 
 from calibrary.cli.main import main
 from calibrary.jobs.site.building import Site
@@ -16,6 +16,9 @@ from tests.jobs.site.test_site import P4R_PAGE
 from tests.pages.test_in_chromium import DESK, PHONE, PROGRAM, Seen, faults, watched
 from tests.pages.test_in_chromium import pytestmark as only_where_a_browser_is
 from tests.registry.git.repositories import seclude
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
 
 pytestmark = only_where_a_browser_is
 
@@ -25,6 +28,8 @@ SHOWN = "#all-cameras ~ * tbody tr:not([hidden]) th"
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
+    from playwright.sync_api import sync_playwright
+
     with sync_playwright() as playwright:
         root = hasattr(os, "geteuid") and os.geteuid() == 0
         options = ["--no-sandbox"] if root else []

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+import importlib
 import io
 import math
 from pathlib import Path
+from typing import Any
 
-import pandas as pd
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 
 import calibrary
@@ -20,6 +19,12 @@ from calibrary.jobs.tables.rows import Table, catalogue_table
 from tests.jobs.extract.fleet import DEWARP, P4R, entry, files, picture
 
 HOSTILE = "=cmd|' /C calc'!A0"
+
+
+@pytest.fixture(scope="module")
+def pd() -> Any:
+    """pandas, which takes half a second to import."""
+    return importlib.import_module("pandas")
 
 
 @pytest.fixture
@@ -35,7 +40,7 @@ def flight(tmp_path: Path) -> Path:
 
 
 class TestFiles:
-    def test_csv_keeps_every_digit_whatever_the_locale(self) -> None:
+    def test_csv_keeps_every_digit_whatever_the_locale(self, pd: Any) -> None:
         table = Table(
             [{"name": "a;b,c\n", "fx_px": 0.1 + 0.2, "images": 3}, {"name": "zoom 2×", "k1": -1e-17}]
         )
@@ -48,7 +53,7 @@ class TestFiles:
         assert [*read["name"]] == ["a;b,c\n", "zoom 2×"]
 
     @pytest.mark.parametrize("start", ["=1+1", "+1", "-1", "@x", "\t=1", "\r=1"])
-    def test_no_cell_of_csv_is_a_formula(self, start: str) -> None:
+    def test_no_cell_of_csv_is_a_formula(self, start: str, pd: Any) -> None:
         [cell] = pd.read_csv(io.StringIO(Table([{"model": start}]).to_csv()))["model"]
         assert cell == f"'{start}".replace("\r", "\n")
 
@@ -57,6 +62,9 @@ class TestFiles:
             [{"name": None, "rms_px": None, "width_px": None, "focal_mm": 8, "k1": 0.5, "ok": True}]
         )
         table.write(tmp_path / "t.parquet")
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
         found = pq.read_table(tmp_path / "t.parquet")
         kinds = {"name": pa.string(), "rms_px": pa.float64(), "width_px": pa.int64()}
         kinds |= {"focal_mm": pa.float64(), "k1": pa.float64(), "ok": pa.bool_()}
@@ -87,7 +95,7 @@ class TestFiles:
 
 
 class TestRows:
-    def test_cameras_of_a_flight(self, flight: Path) -> None:
+    def test_cameras_of_a_flight(self, flight: Path, pd: Any) -> None:
         result = calibrary.extract(flight / "flight")
         frame = pd.DataFrame(tables.cameras(result).to_dict()).set_index("model")
         assert frame.loc["FC6310R", ["images", "fx_px", "cx_px", "k1", "verdict"]].tolist() == [
@@ -108,7 +116,7 @@ class TestRows:
         assert "fx_px" not in rows["torn.jpg"]
 
     def test_the_command_writes_both_and_prints_one(
-        self, flight: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+        self, flight: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, pd: Any
     ) -> None:
         monkeypatch.chdir(flight)
         assert main(["extract", "flight", "--table", "-", "--image-table", "images.parquet"]) == 1
@@ -123,7 +131,7 @@ class TestRows:
             with pytest.raises(SystemExit, match="2"):
                 main(["extract", "flight", *clash])
 
-    def test_entries_of_a_registry(self, flight: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def test_entries_of_a_registry(self, flight: Path, capsys: pytest.CaptureFixture[str], pd: Any) -> None:
         place = ["--registry", str(files(flight / "fleet"))]
         assert main(["registry", "list", *place, "--table", str(flight / "fleet.parquet")]) == 0
         assert "dji/fc6310r/5472x3648" in capsys.readouterr().out
@@ -135,7 +143,7 @@ class TestRows:
         assert main(["registry", "list", *place, "--columns", "model,fx,cx", "--table", "-"]) == 0
         assert capsys.readouterr().out.splitlines()[0] == "model,fx_px,cx_px"
 
-    def test_an_audit(self, flight: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def test_an_audit(self, flight: Path, capsys: pytest.CaptureFixture[str], pd: Any) -> None:
         place = ["--registry", str(files(flight / "fleet"))]
         assert main(["registry", "audit", str(flight / "flight"), *place, "--table", "-"]) == 1
         frame = pd.read_csv(io.StringIO(capsys.readouterr().out)).set_index("model")
@@ -145,7 +153,7 @@ class TestRows:
         assert frame.loc[f"'{HOSTILE}", "use"] == "none"
 
     def test_files_and_what_is_no_calibration_among_them(
-        self, flight: Path, capsys: pytest.CaptureFixture[str]
+        self, flight: Path, capsys: pytest.CaptureFixture[str], pd: Any
     ) -> None:
         (flight / "K.txt").write_text("3660 0 2731\n0 3655 1850\n0 0 1\n")
         names = [str(flight / name) for name in ("flight/a.jpg", "flight/torn.jpg", "K.txt")]
@@ -155,7 +163,7 @@ class TestRows:
         assert frame["fx_px"].tolist()[::2] == [3660.5, 3660.0]
         assert frame["error"].isna().tolist() == [True, False, True]
 
-    def test_the_catalogue(self) -> None:
+    def test_the_catalogue(self, pd: Any) -> None:
         frame = pd.DataFrame(catalogue_table(known_cameras().cameras).to_dict()).set_index("name")
         assert frame.loc["Phantom 4 RTK", ["pitch_um", "width_px"]].tolist()[0] == pytest.approx(
             2.41, abs=0.02
