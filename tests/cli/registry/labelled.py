@@ -14,7 +14,7 @@ from calibrary.registry.entry import Entry
 from calibrary.registry.registry import Registry
 from tests.cli.registry.direct import put
 from tests.registry.entries import FILE, an_entry
-from tests.registry.git.repositories import seclude
+from tests.registry.git.repositories import packed, seclude
 
 SERIALS = [f"0V2LG3H0{number}" for number in range(6)]
 LABELS = [f"P4R-{number:02}" for number in range(1, 7)]
@@ -35,14 +35,15 @@ def labelled(begun: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         seclude(patch, folder)
         _add_six(fleet)
-    return fleet
+    return packed(fleet)
 
 
 @pytest.fixture
-def six(labelled: Path, fleet: Path) -> Path:
+def six(labelled: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Six units with their labels, in the registry that commands take for the one that is meant."""
-    shutil.rmtree(fleet)
-    return shutil.copytree(labelled, fleet)
+    fleet = shutil.copytree(labelled, tmp_path / "fleet")
+    monkeypatch.setenv("CALIBRARY_REGISTRY", str(fleet))
+    return fleet
 
 
 def _add_six(fleet: Path) -> None:

@@ -10,6 +10,7 @@ import pytest
 from calibrary.cli.main import main
 from calibrary.jobs.demo.flight import DemoImage
 from tests.cli.registry.audits import TODAY, approved, audited, flight, phantom, rules
+from tests.cli.registry.conftest import Filled
 from tests.cli.registry.fleets import add, commit_of, run, xml
 from tests.registry.git.repositories import git
 
@@ -93,19 +94,22 @@ def test_an_entry_that_cannot_be_read_is_told_and_stops_nothing(
     assert document["cameras"][0]["use"] == "used"
 
 
-@pytest.fixture
-def season(fleet: Path, tmp_path: Path) -> Path:
-    """Three units of one model on two flights: one with its entry, one without, one whose images contradict it."""
-    own = phantom(tmp_path / "1.jpg", body_serial="SERIAL1")
-    for number, calibration in ((1, own), (3, xml(tmp_path / "3.xml", 3800.0))):
+def enter_two(fleet: Path) -> None:
+    own = phantom(fleet.parent / "1.jpg", body_serial="SERIAL1")
+    for number, calibration in ((1, own), (3, xml(fleet.parent / "3.xml", 3800.0))):
         serial = ("--serial", f"SERIAL{number}", "--label", f"P4R-0{number}")
         add(calibration, "--approve", "--date", TODAY, *serial, "--force", "--reason", "as measured")
+
+
+@pytest.fixture
+def season(fleet: Path, tmp_path: Path, filled: Filled) -> Path:
+    """Three units of one model on two flights: one with its entry, one without, one whose images contradict it."""
+    filled(fleet, enter_two)
     flown = tmp_path / "flown"
     for number in (1, 2, 3):
         image = flown / "2026-03-05 north/DCIM/100MEDIA" / f"{number}.jpg"
         phantom(image, body_serial=f"SERIAL{number}")
     phantom(flown / "2026-03-09 south" / "1.jpg", body_serial="SERIAL1", date_time="2026:03:09 08:00:00")
-    assert fleet.is_dir()
     return flown
 
 

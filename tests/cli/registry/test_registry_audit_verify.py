@@ -12,6 +12,7 @@ from calibrary.jobs.audit.report import Rule
 from calibrary.jobs.verify.look import Look
 from calibrary.sfm.alterations import MeasuredCamera
 from tests.cli.registry.audits import TODAY, phantom
+from tests.cli.registry.conftest import Filled
 from tests.cli.registry.fleets import P4R, add, looked_at, printed, run, xml
 
 FX = 3660.5
@@ -116,10 +117,13 @@ def fly(folder: Path, flights: Sequence[Flight], monkeypatch: pytest.MonkeyPatch
     return folder
 
 
+def enter(fleet: Path) -> None:
+    add(xml(fleet.parent / "a.xml", FX), "--approve", "--date", TODAY)
+
+
 @pytest.fixture
-def registered(fleet: Path, tmp_path: Path) -> Path:
-    add(xml(tmp_path / "a.xml", FX), "--approve", "--date", TODAY)
-    return fleet
+def registered(fleet: Path, filled: Filled) -> Path:
+    return filled(fleet, enter)
 
 
 @pytest.mark.usefixtures("registered")

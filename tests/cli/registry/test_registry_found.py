@@ -9,15 +9,20 @@ from typing import Any
 import pytest
 
 from calibrary.cli.main import main
+from tests.cli.registry.conftest import Filled
 from tests.cli.registry.direct import put
 from tests.jobs.extract.fleet import picture
 from tests.registry.entries import an_entry
 
 
-@pytest.fixture
-def flight(fleet: Path, tmp_path: Path) -> Path:
-    """An image whose K only the registry knows."""
+def enter(fleet: Path) -> None:
     put(fleet, an_entry(focal_mm=None))
+
+
+@pytest.fixture
+def flight(fleet: Path, tmp_path: Path, filled: Filled) -> Path:
+    """An image whose K only the registry knows."""
+    filled(fleet, enter)
     return picture(tmp_path / "flight/a.jpg", make="DJI", model="FC6310R", focal_mm=(88, 10)).parent
 
 

@@ -7,17 +7,21 @@ from pathlib import Path
 import pytest
 
 from calibrary.cli.main import main
+from tests.cli.registry.conftest import Filled
 from tests.cli.registry.fleets import P4R, add, held, looked_at, printed, run, xml
 from tests.registry.git.repositories import git
 
 
-@pytest.fixture
-def kept(fleet: Path, tmp_path: Path) -> Path:
-    """An entry that was added, approved, and measured again."""
-    add(xml(tmp_path / "a.xml"), "--reason", "first flight", "--firmware", "01.08")
+def measure_again(fleet: Path) -> None:
+    add(xml(fleet.parent / "a.xml"), "--reason", "first flight", "--firmware", "01.08")
     assert main(["registry", "approve", *looked_at(fleet, P4R), "--reason", "checked"]) == 0
-    add(xml(tmp_path / "b.xml", 3663.0), "--reason", "new firmware", "--firmware", "01.09", "--approve")
-    return fleet
+    add(xml(fleet.parent / "b.xml", 3663.0), "--reason", "new firmware", "--firmware", "01.09", "--approve")
+
+
+@pytest.fixture
+def kept(fleet: Path, filled: Filled) -> Path:
+    """An entry that was added, approved, and measured again."""
+    return filled(fleet, measure_again)
 
 
 def test_a_log_tells_what_every_commit_changed_in_k(kept: Path, capsys: pytest.CaptureFixture[str]) -> None:

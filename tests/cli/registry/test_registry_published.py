@@ -12,6 +12,7 @@ import pytest
 
 from calibrary.cli.main import main
 from calibrary.schemas import require
+from tests.cli.registry.conftest import Filled
 from tests.cli.registry.direct import put
 from tests.cli.registry.fleets import P4R, commit_of, printed, run
 from tests.jobs.extract.fleet import picture
@@ -26,10 +27,14 @@ UNKNOWN = an_entry(model="FC9999", focal_mm=None, fx=3600.0, distortion=None)
 """Of a camera that the catalogue does not have."""
 
 
-@pytest.fixture
-def public(fleet: Path, tmp_path: Path) -> Iterator[Server]:
-    """The registry on the web; no variable means it."""
+def enter_two(fleet: Path) -> None:
     put(fleet, an_entry(focal_mm=None), UNKNOWN)
+
+
+@pytest.fixture
+def public(fleet: Path, tmp_path: Path, filled: Filled) -> Iterator[Server]:
+    """The registry on the web; no variable means it."""
+    filled(fleet, enter_two)
     published(fleet, tmp_path / "out")
     with serving(tmp_path / "out") as server:
         yield server

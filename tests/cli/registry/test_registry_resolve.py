@@ -24,6 +24,7 @@ from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.schemas import require
 from calibrary.validation import Severity
+from tests.cli.registry.conftest import Filled
 from tests.cli.registry.direct import put
 from tests.cli.registry.fleets import P4R, add, printed, run, xml
 from tests.jobs.extract.fleet import gate, picture
@@ -256,13 +257,16 @@ def test_the_day_it_is_for_and_the_state_of_the_registry_are_two_things(
 SPRING, AUTUMN = Validity(first=date(2026, 3, 1), last=date(2026, 8, 31)), Validity(first=date(2026, 9, 1))
 
 
+def enter_a_year(fleet: Path) -> None:
+    for fx, validity in ((3640.0, None), (3650.0, SPRING), (3660.0, AUTUMN)):
+        put(fleet, an_entry(focal_mm=None, fx=fx, validity=validity))
+
+
 class TestTheDayOfTheImage:
     @pytest.fixture
-    def periods(self, fleet: Path) -> Path:
+    def periods(self, fleet: Path, filled: Filled) -> Path:
         """One unit over a year: of unknown days, of the spring, of the autumn."""
-        for fx, validity in ((3640.0, None), (3650.0, SPRING), (3660.0, AUTUMN)):
-            put(fleet, an_entry(focal_mm=None, fx=fx, validity=validity))
-        return fleet
+        return filled(fleet, enter_a_year)
 
     @pytest.mark.parametrize(
         ("taken", "fx"), [("2025:07:01", 3640.0), ("2026:05:05", 3650.0), ("2026:10:10", 3660.0)]

@@ -16,6 +16,7 @@ from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.writing import Written
 from calibrary.registry.proposals import write_changes
 from calibrary.registry.registry import Registry
+from tests.cli.registry.conftest import Filled
 from tests.cli.registry.direct import put, put_bytes
 from tests.cli.registry.fleets import P4R, add, commit_of, held, looked_at, printed, run, xml
 from tests.registry.entries import an_entry
@@ -27,12 +28,15 @@ class Terminal(io.StringIO):
         return True
 
 
+def two_drafts(fleet: Path) -> None:
+    add(xml(fleet.parent / "a.xml"))
+    add(xml(fleet.parent / "b.xml", 3661.0, (4864, 3648)))
+
+
 @pytest.fixture
-def drafts(fleet: Path, tmp_path: Path) -> Path:
+def drafts(fleet: Path, filled: Filled) -> Path:
     """Two drafts of one model, of two frames."""
-    add(xml(tmp_path / "a.xml"))
-    add(xml(tmp_path / "b.xml", 3661.0, (4864, 3648)))
-    return fleet
+    return filled(fleet, two_drafts)
 
 
 def test_approving_says_who_and_why(drafts: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -15,7 +15,7 @@ from tests.cli.registry.direct import put
 from tests.cli.registry.fleets import P4R, printed, run
 from tests.jobs.extract.fleet import picture
 from tests.registry.entries import an_entry
-from tests.registry.git.repositories import git, seclude
+from tests.registry.git.repositories import git, packed, seclude
 from tests.thorough import every
 
 USED = (
@@ -59,7 +59,7 @@ def clean(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     with pytest.MonkeyPatch.context() as patch:
         seclude(patch, folder)
         put(init(folder / "fleet").place, *USED)
-        yield folder / "fleet"
+        yield packed(folder / "fleet")
 
 
 def said_of(

@@ -23,10 +23,11 @@ from calibrary.schemas import require
 from tests.cli.registry.direct import put, put_bytes
 from tests.cli.registry.fleets import P4R, commit_of, held, printed, run
 from tests.registry.entries import an_entry
-from tests.registry.git.repositories import git, seclude
+from tests.registry.git.repositories import git, packed, seclude
 
 MINE = an_entry(focal_mm=None)
 OTHER = an_entry(focal_mm=None, model="FC330")
+TWINS = ("remote.git", "fleet", "twin")
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +42,8 @@ def twins(begun: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
             main(["registry", "sync", str(folder / "remote.git"), "--registry", str(folder / "fleet")]) == 0
         )
         assert main(["registry", "init", str(folder / "twin"), "--remote", str(folder / "remote.git")]) == 0
+        for name in TWINS:
+            packed(folder / name)
     return folder
 
 
@@ -48,7 +51,7 @@ def twins(begun: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def twin(fleet: Path, twins: Path, tmp_path: Path) -> Path:
     """The clone, beside the remote; the registry in use is the one that was pushed."""
     shutil.rmtree(fleet)
-    for name in ("remote.git", "fleet", "twin"):
+    for name in TWINS:
         shutil.copytree(twins / name, tmp_path / name)
     for name in ("fleet", "twin"):
         git(tmp_path / name, "remote", "set-url", "origin", str(tmp_path / "remote.git"))

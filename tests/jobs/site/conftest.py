@@ -8,7 +8,7 @@ import pytest
 
 from calibrary.jobs.site.building import Site, build
 from tests.jobs.site.fleet import fleet
-from tests.registry.git.repositories import nobodys_git, seclude
+from tests.registry.git.repositories import nobodys_git, packed, seclude
 
 __all__ = ["nobodys_git"]
 
@@ -20,7 +20,7 @@ def registry(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         seclude(patch, folder)
         fleet(folder / "fleet")
-    return folder / "fleet"
+    return packed(folder / "fleet")
 
 
 @pytest.fixture(scope="session")

@@ -54,8 +54,10 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         seclude(patch, folder)
         put(create(folder / "bare", bare=True, durable=False), {ENTRY: b"fx: 1.0\n"})
+        packed(folder / "bare")
         repo = create(folder / "checked-out", durable=False)
         put(repo, {ENTRY: b"fx: 1.0\n", ".gitattributes": b"*.yaml text eol=lf\n"})
+        packed(folder / "checked-out")
     return folder
 
 
@@ -97,6 +99,12 @@ def now(repo: Repository, path: str = ENTRY) -> bytes | None:
     assert tip is not None
     blob = repo.read(tip, path)
     return blob.data if blob is not None else None
+
+
+def packed(folder: Path) -> Path:
+    """A registry to copy, its objects in one file: a folder for each of them takes longer to copy than to fill."""
+    git(folder, "repack", "-a", "-d", "--quiet")
+    return folder
 
 
 def git(folder: Path, *arguments: str, code: int = 0) -> str:

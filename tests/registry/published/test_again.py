@@ -19,7 +19,7 @@ from calibrary.registry.places import PUBLISHED_FILE
 from calibrary.registry.published import write
 from calibrary.registry.snapshot import Snapshot, StoredEntry
 from tests.registry.entries import an_entry
-from tests.registry.git.repositories import git
+from tests.registry.git.repositories import git, packed
 from tests.registry.published.publications import (
     FLEET,
     UNSTATED,
@@ -76,6 +76,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("made")
     commit(folder / "fleet", *FLEET)
     dated(folder / "fleet")
+    packed(folder / "fleet")
     published(folder / "fleet", folder / "out")
     return folder
 

@@ -22,6 +22,7 @@ from calibrary.registry.published.cache import Cache
 from calibrary.registry.published.read import Published
 from calibrary.registry.registry import open_snapshot
 from tests.registry.entries import an_entry
+from tests.registry.git.repositories import packed
 from tests.registry.published.publications import (
     FLEET,
     UNIT,
@@ -46,6 +47,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("made")
     commit(folder / "fleet", *FLEET)
     dated(folder / "fleet")
+    packed(folder / "fleet")
     published(folder / "fleet", folder / "out")
     return folder
 
