@@ -31,6 +31,7 @@ from calibrary.schemas import require
 from tests.cli.desk import typed
 from tests.house.project import ROOT
 from tests.imagery import ExifTags, write_jpeg
+from tests.pages.sketches import sketched
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"(?ms)^```(\w+)\n(.*?)^```$", README)
@@ -58,7 +59,8 @@ def reader(folder: Path) -> Iterator[None]:
                 patch.setenv(f"GIT_{role}_{what}", "reader")
         patch.setenv("PATH", os.pathsep.join([str(folder / "bin"), str(BIN), os.environ["PATH"]]))
         patch.chdir(folder)
-        yield
+        with sketched():
+            yield
 
 
 def run(command: str, folder: Path) -> subprocess.CompletedProcess[str]:

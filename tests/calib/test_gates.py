@@ -52,7 +52,7 @@ def _photographs(degrees: int, *, circular: bool) -> tuple[tuple[Gray, FloatArra
     return tuple(taken)
 
 
-@pytest.mark.parametrize(("degrees", "circular"), every(2, [(150, False), (190, False), (180, True)]))
+@pytest.mark.parametrize(("degrees", "circular"), every(3, [(180, True), (150, False), (190, False)]))
 def test_boards_before_a_fisheye_are_found_up_to_the_edge(degrees: int, circular: bool) -> None:
     right = 0
     for frame, truth in _photographs(degrees, circular=circular):

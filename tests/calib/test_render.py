@@ -240,7 +240,7 @@ def test_vignetting_darkens_the_corner_by_its_share() -> None:
     assert frame[0, 0] / frame[240, 320] == pytest.approx(0.6, abs=0.005)
 
 
-@pytest.mark.parametrize("name", every(2, ["charuco:8x6", "aprilgrid:5x4", "circles:9x7"]))
+@pytest.mark.parametrize("name", every(3, ["charuco:8x6", "aprilgrid:5x4", "circles:9x7"]))
 def test_other_boards_are_seen_by_opencv_where_they_are(name: str) -> None:
     board = parse_board(name, 40.0)
     scene = camera((1600, 1200), 1300.0, BROWN)

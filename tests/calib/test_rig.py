@@ -25,6 +25,7 @@ from calibrary.errors import InputError
 from calibrary.records import replace
 from calibrary.rotations import rotation_matrix
 from tests.calib.rigs import BOARD, off, seen_by, true_rig
+from tests.thorough import every
 
 FloatArray32: TypeAlias = NDArray[np.float32]
 
@@ -67,7 +68,7 @@ def test_the_derivatives_of_a_rig_are_its_slopes() -> None:
     assert pixels.shape == (2, 6, 2)
 
 
-@pytest.mark.parametrize("bow_mm", [0.0, 0.6])
+@pytest.mark.parametrize("bow_mm", every(2, [0.6, 0.0]))
 def test_places_are_found_and_their_sigma_covers_the_truth(bow_mm: float) -> None:
     turns, baselines, z = [], [], []
     for seed in (1, 2):
