@@ -129,10 +129,10 @@ def _frame(message: Node) -> str:
 def _camera(tree: Node, context: ReadContext, name: str | None) -> Calibration:
     spelled = next((item for item in SPELLINGS if item.K in tree), SPELLINGS[0])
     size = context.size(tree.image_size(spelled.width, spelled.height))
-    intrinsics = CONVENTION.intrinsics(_native(tree[spelled.K]), size)
     assumptions: list[str] = []
     notes: list[str] = []
     distortion = _distortion(tree, spelled, notes=notes, assumptions=assumptions)
+    intrinsics = CONVENTION.intrinsics(_native(tree[spelled.K]), size)
     if intrinsics.skew:
         notes.append(f"skew of {intrinsics.skew:g} px was kept; ROS's image_geometry does not look at it")
     notes += _partial_frame(tree)

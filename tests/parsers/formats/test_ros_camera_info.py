@@ -191,6 +191,8 @@ def test_a_binned_or_cropped_camera_says_which_frame_k_counts_in(binning: int, r
 def test_another_model_is_refused_by_name() -> None:
     with pytest.raises(UnsupportedModelError, match="cylindrical"):
         read(file("cylindrical"))
+    with pytest.raises(UnsupportedModelError, match="taylor"):
+        read(file("taylor", k=(1.002, 0.002, 354.5, 0.001, 1.0, 230.3, 0.0, 0.0, 0.0)))
 
 
 @pytest.mark.parametrize(
