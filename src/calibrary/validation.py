@@ -2,7 +2,7 @@
 
 Every rule is evaluated, even if another fails, and NaN fails every rule. The rules here ask of nothing but K and its
 lens. What else is stated of a camera is judged where it is known: ``jobs/survey`` weighs all claims on some images, and
-``jobs/extract/own.py`` has the rules on a K that images state themselves. Two policies are shipped: ``source`` requires
+``jobs/survey/own.py`` has the rules on a K that images state themselves. Two policies are shipped: ``source`` requires
 fx / W of every camera to be in one range; ``fleet`` compares what is known of a camera, because most UAV cameras are
 outside that range.
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from enum import StrEnum
 from pathlib import Path
-from shlex import quote
 from typing import Final
 
 from msgspec import Struct
@@ -24,7 +23,6 @@ from calibrary.evidence.readings import readings
 from calibrary.image_size import is_resized
 from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.knowledge import Knowledge
-from calibrary.jobs.extract.own import known_of
 from calibrary.jobs.files import choose, is_one_camera
 from calibrary.jobs.survey import CATALOGUE, Claim, Survey, Weighed, Who, of_entry, of_file
 from calibrary.jobs.survey.limits import foreign, model_of
@@ -32,12 +30,8 @@ from calibrary.jobs.survey.words import edited
 from calibrary.jobs.use import Allowed, allowed
 from calibrary.policy import Policy
 from calibrary.records import Record, replace
-from calibrary.registry.paths import id_of
 from calibrary.registry.resolution import Resolution
-from calibrary.validation import Finding, Report, Severity, Verdict
-
-AGAINST_AN_ENTRY = frozenset({"focal-plausibility", "one-calibration"})
-"""Rules that compare a K of the images with the entry, if there is one."""
+from calibrary.validation import Report, Verdict
 
 
 CHOICE: Final = "--fallback-camera N"
@@ -145,7 +139,7 @@ def _known_focal(camera: Camera, policy: Policy) -> tuple[float, str] | None:
     """Focal length in px by the catalogue or the 35 mm equivalent; None if the source document requires its own."""
     if not policy.independent_sources_settle:
         return None
-    known = known_of(camera.survey(policy))
+    known = camera.survey(policy).known
     if known is not None:
         return known.fx, f"{'registry' if known.claim.who is Who.ENTRY else 'catalogue'} focal length"
     estimates = camera.evidence.estimates
@@ -302,11 +296,6 @@ def _from_registry(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
         near = (one for one in known.near[:2] if waits is None or one.path != waits.path)
         why += "".join(f"; {one.path} does not apply: {one.reason}" for one in near)
         return _without(name, StepOutcome.NOT_THERE, why)
-    is_metric = camera.calibration is not None and camera.calibration.grade.is_metric
-    failed = {finding.rule for finding in camera.report.failures} if camera.report is not None else set()
-    if is_metric and camera.verdict is Verdict.UNPROVEN and failed & AGAINST_AN_ENTRY:
-        why = "it contradicts what these images state, and one of the two is wrong"
-        return _without(name, StepOutcome.REFUSED, why, resolved.provenance.source)
     claim, doubt = of_entry(known.resolution, policy), camera.doubt(known.resolution.entry.calibration)
     found = _judged(camera, claim, policy, name, doubt)
     whose = resolved.provenance.source
@@ -345,32 +334,6 @@ def _chosen(known: Resolution, used: Calibration) -> str:
     """Why this entry, and how its K became that of these images."""
     own, now = known.entry.calibration.provenance.adaptation, used.provenance.adaptation
     return known.why if now is None or now == own else f"{known.why}; {now}"
-
-
-def moved(camera: Camera, policy: Policy, root: Path) -> Camera:
-    """Add a finding if the measured K of the images differs from the measured entry, as ``diff`` judges.
-
-    Of one unit that is drift, and either may be wrong; without serial numbers the two may be of two units.
-    """
-    own, known = camera.calibration, camera.states[0].known.resolution
-    if own is None or camera.report is None or not own.grade.is_measured or known is None:
-        return camera
-    image = quote(str(root / camera.names[0]))
-    entry, mine = of_entry(known, policy), of_file(own.provenance.tag or own.provenance.kind, own)
-    claims = [mine, entry] if entry.is_measured else [mine]
-    against = Survey(camera.evidence.scene.metadata, claims, policy).weigh(mine).against
-    if not against:
-        return camera
-    one_unit = own.camera.serial is not None and own.camera.serial == known.entry.calibration.camera.serial
-    whose = "this unit's K moved" if one_unit else "K moved, or the entry is of another unit"
-    finding = Finding(
-        rule="one-calibration",
-        severity=Severity.UNPROVEN if one_unit else Severity.WARNING,
-        message=f"beside {mine.name} of these images, {against[0].message}; {whose}",
-        remedy=f"calibrary diff {id_of(known.path)} {image} compares them in this registry; approve the right one",
-    )
-    # The distance of two measurements says more than the percentage of the policy's rules.
-    return replace(camera, report=replace(camera.report, findings=(finding, *camera.report.findings)))
 
 
 def proposed_against(camera: Camera, used: Calibration | None, policy: Policy) -> str | None:

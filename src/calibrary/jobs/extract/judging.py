@@ -29,9 +29,9 @@ from calibrary.jobs.extract.cameras import (
     group_cameras,
 )
 from calibrary.jobs.extract.knowledge import Knowledge
-from calibrary.jobs.extract.own import edits_of as own_edits
-from calibrary.jobs.extract.own import judged as judged_by
 from calibrary.jobs.images.accumulator import undated
+from calibrary.jobs.survey.own import edits_of as own_edits
+from calibrary.jobs.survey.own import judged as judged_by
 from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.validation import EDITED, Finding, Report, Severity, group_spread, name_sensor
@@ -162,7 +162,7 @@ def _camera(
             state=one[0],
             evidence=one[1],
             calibration=made,
-            report=judged_by(made, one[1], one[1], one[0].known, _edits(one, edited), policy),
+            report=judged_by(made, one[1], one[1], one[0].known.resolution, _edits(one, edited), policy),
         )
         if made is not None
         else _inheriting(one, reference, calibration, policy, edited)
@@ -193,8 +193,8 @@ def _inheriting(
     one: Heard, reference: Heard, calibration: Calibration, policy: Policy, edited: dict[str, str]
 ) -> JudgedState:
     """Judge a state of the same unit that lacks tags of others: their K, compared with this state's own claims."""
-    known = one[0].known if one[0].known.resolution is not None else reference[0].known
-    report = judged_by(calibration, reference[1], one[1], known, _edits(one, edited), policy)
+    entry = one[0].known.resolution or reference[0].known.resolution
+    report = judged_by(calibration, reference[1], one[1], entry, _edits(one, edited), policy)
     return JudgedState(state=one[0], evidence=one[1], report=report, inherits=True)
 
 

@@ -13,6 +13,7 @@ from calibrary.jobs.extract.fallback import Fallback, by_pixels
 from calibrary.jobs.extract.judging import judge_image
 from calibrary.jobs.images.listing import Listing
 from calibrary.jobs.images.places import is_url
+from calibrary.jobs.survey.words import CONTRADICTED
 from calibrary.jobs.verify.look import Look, look
 from calibrary.known_camera import Projection
 from calibrary.parsers.imagery import read_metadata
@@ -22,9 +23,6 @@ from calibrary.records import replace
 from calibrary.sfm.alterations import Claim, Kind, focal_altered
 from calibrary.sfm.pixel_check import CentreCheck, DistortionCheck, PixelCheck, PixelVerdict
 from calibrary.validation import Finding, Report, Severity, Verdict, lacks_confirmation
-
-OF_OTHERS: Final = frozenset({"source-agreement", "contradicted"})
-"""Rules on what contradicts K."""
 
 Verified = tuple[Camera, Fallback | None, PixelCheck | None, Look | None]
 
@@ -152,16 +150,17 @@ def with_pixels(report: Report, check: PixelCheck, policy: Policy) -> Report:
     findings = report.findings
     confirms = check.verdict is PixelVerdict.AGREES and policy.independent_sources_settle
     if confirms:
-        findings = tuple(_decided(one, check) for one in findings)
+        findings = tuple(_decided(one, check, policy) for one in findings)
     alone = any(lacks_confirmation(one) for one in findings)
     return replace(report, findings=(*findings, *_findings(check, policy, alone=alone)))
 
 
-def _decided(finding: Finding, check: PixelCheck) -> Finding:
-    """A finding that pixels which agree with K settle: that it stands alone, or that a tag contradicts it."""
+def _decided(finding: Finding, check: PixelCheck, policy: Policy) -> Finding:
+    """A finding that pixels which agree with K settle: that it stands alone, or what is too far to agree with them."""
     if lacks_confirmation(finding):
         return _confirmed(finding, check)
-    if finding.rule in OF_OTHERS and finding.severity in {Severity.UNPROVEN, Severity.ERROR}:
+    is_far = finding.measured is not None and abs(finding.measured) > policy.source_agreement
+    if finding.rule == CONTRADICTED and is_far and finding.severity in {Severity.UNPROVEN, Severity.ERROR}:
         message = f"{finding.message}; the pixels of {check.images} images agree with K, and not with it"
         return replace(finding, severity=Severity.NOTE, message=message, remedy=None)
     return finding

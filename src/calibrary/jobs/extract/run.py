@@ -36,7 +36,6 @@ from calibrary.jobs.extract.fallback import (
     Fallback,
     Sources,
     fall_back,
-    moved,
     outranking,
     proposed_against,
 )
@@ -361,8 +360,6 @@ def _breach(policy: Policy, rule: str, message: str) -> ValidationError:
 
 def _report(slug: str, camera: Camera, by: Judging, sources: Sources, listing: Listing) -> JudgedCamera:
     """Report a camera with its fallback, checked against the pixels if requested."""
-    if by.policy.independent_sources_settle:
-        camera = moved(camera, by.policy, listing.root)
 
     def fall_back(one: Camera) -> Fallback | None:
         return _fallback(one, by.policy, sources)

@@ -18,7 +18,6 @@ from calibrary.jobs.extract.cameras import StateDocument
 from calibrary.jobs.extract.extraction import JudgedCamera
 from calibrary.jobs.extract.fallback import Fallback
 from calibrary.jobs.extract.hand_off import HandedCamera, HandOff
-from calibrary.jobs.extract.own import known_of
 from calibrary.jobs.extract.report import CameraDocument, ExtractReport, Outputs
 from calibrary.jobs.extract.targets import seed_command
 from calibrary.jobs.survey import Who
@@ -449,7 +448,7 @@ def _pixels(check: PixelCheck) -> Iterator[Block]:
 
 
 def _band(camera: JudgedCamera, policy: Policy) -> Band | None:
-    evidence, known = camera.camera.evidence, known_of(camera.camera.survey(policy))
+    evidence, known = camera.camera.evidence, camera.camera.survey(policy).known
     if policy.known_camera_tolerance is not None and known is not None:
         share = max(policy.known_camera_tolerance, known.claim.tolerance)
         who = "registry" if known.claim.who is Who.ENTRY else "catalogue"

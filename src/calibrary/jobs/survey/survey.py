@@ -14,9 +14,17 @@ from calibrary.evidence.identity import firmware
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.evidence.originality import ORIGINAL, Originality, Pixels
 from calibrary.jobs.survey import words
-from calibrary.jobs.survey.claims import Claim
+from calibrary.jobs.survey.claims import CATALOGUE, Claim, Who
+from calibrary.jobs.survey.limits import known_tolerance
 from calibrary.jobs.survey.placing import Placed, Settled, place
-from calibrary.jobs.survey.relating import Relation, is_independent, limit_between, relate, relate_as_read
+from calibrary.jobs.survey.relating import (
+    Relation,
+    gap,
+    is_independent,
+    limit_between,
+    relate,
+    relate_as_read,
+)
 from calibrary.jobs.use import Allowed, Use, allowed
 from calibrary.policy import Policy
 from calibrary.quality import Quality
@@ -46,6 +54,28 @@ class Against(Struct, frozen=True, kw_only=True):
         """How the two differ, and of one that is not believed why."""
         said = words.said(self.K, self.one, self.limit, self.policy)
         return words.disbelieved(said, self.shown_by) if self.shown_by else said
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether it contradicts K even though units of a model differ: both are of one unit, or far apart."""
+        mine, other = self.one.claim, self.K.claim
+        if not (mine.is_measured and other.is_measured):
+            return True
+        serial, granted = mine.calibration.camera.serial, (mine.granted, other.granted)
+        most = next((one for one in granted if one is not None), known_tolerance(self.policy))
+        is_one_unit = serial is not None and serial == other.calibration.camera.serial
+        return is_one_unit or abs(gap(self.one, self.K)) > most
+
+    def finding(self, severity: Severity, remedy: str | None, cause: str | None = None) -> Finding:
+        """That it contradicts K."""
+        return Finding(
+            rule=words.CONTRADICTED,
+            severity=severity,
+            measured=self.one.fx / self.K.fx - 1.0,
+            limit=self.limit,
+            message=self.message if cause is None else f"{self.message}: {cause}",
+            remedy=remedy,
+        )
 
 
 class Heard(Struct, frozen=True, kw_only=True):
@@ -173,6 +203,19 @@ class Survey:
         """Every claim at the size of the images; those that no reading brings there are left out."""
         return place(self.claims, self.metadata, self._says)
 
+    @cached_property
+    def known(self) -> Placed | None:
+        """What is known of the camera besides its tags: the registry's entry, else the catalogue; None if nothing is.
+
+        Of one whose catalogue states its pixels alone, that is EXIF's focal length over them.
+        """
+        found = [one for one in self.placed if one.settled is not Settled.AMBIGUOUS]
+        for who in (Who.ENTRY, Who.CATALOGUE, Who.TAG):
+            for one in found:
+                if one.claim.who is who and (who is not Who.TAG or CATALOGUE in one.claim.rests_on):
+                    return one
+        return None
+
     def _says(self, one: Placed, K: Placed) -> bool | None:
         found = relate_as_read(one, K, self.policy)
         return {Relation.CONFIRMS: True, Relation.CONTRADICTS: False}.get(found)
@@ -227,7 +270,7 @@ class Survey:
         """What the other claims say against it."""
         for other in heard.against:
             if not other.shown_by:
-                yield words.contradicted(K, other.one, other.message, other.limit)
+                yield other.finding(Severity.UNPROVEN, words.FIND_OUT)
         if K.settled is Settled.AMBIGUOUS:
             yield words.frame_unknown(K, [one for one in self.placed if one.claim.is_kept])
         computed = _computed(heard.claim, heard.confirmed_by, heard.copies)

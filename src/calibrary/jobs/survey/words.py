@@ -12,6 +12,7 @@ from calibrary.validation import EDITED, GIVE_FILES, Finding, Severity
 
 UNJUDGED_CENTRE: Final = "the principal point was not judged"
 CONTRADICTED: Final = "contradicted"
+FIND_OUT: Final = "find out which of the two is right: 'calibrary check IMAGES FILE' tells of another K"
 REGISTER: Final = "calibrate this image size, and register it"
 
 
@@ -35,18 +36,6 @@ def said(K: Placed, one: Placed, limit: float, policy: Policy) -> str:
         else ""
     )
     return f"{apart}, another K: {far}{found.reasons[0]}"
-
-
-def contradicted(K: Placed, one: Placed, message: str, limit: float) -> Finding:
-    """A claim that is believed contradicts K."""
-    return Finding(
-        rule=CONTRADICTED,
-        severity=Severity.UNPROVEN,
-        measured=one.fx / K.fx - 1.0,
-        limit=limit,
-        message=message,
-        remedy="find out which of the two is right: 'calibrary check IMAGES FILE' tells of another K",
-    )
 
 
 def disbelieved(message: str, shown_by: Sequence[str]) -> str:

@@ -8,8 +8,8 @@ source document instead. A new rule is a function here and its place in :data:`R
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Final, TypeAlias
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 from msgspec import Struct
 
@@ -19,12 +19,12 @@ from calibrary.evidence.frame import RESIZED
 from calibrary.evidence.optics import THERMAL
 from calibrary.evidence.originality import Originality
 from calibrary.evidence.weighing import Cause, Evidence
-from calibrary.jobs.extract.knowledge import Known
-from calibrary.jobs.survey import CATALOGUE, Heard, Placed, Survey, Who, limit_between, of_entry
-from calibrary.jobs.survey.claims import Claim, is_statement, of_catalogue, of_tag
-from calibrary.jobs.survey.limits import known_tolerance
-from calibrary.jobs.survey.placing import Settled
-from calibrary.jobs.survey.words import edited
+from calibrary.jobs.survey import words
+from calibrary.jobs.survey.claims import Who, is_statement, of_catalogue, of_entry, of_tag
+from calibrary.jobs.survey.placing import Placed
+from calibrary.jobs.survey.relating import gap
+from calibrary.jobs.survey.survey import Against, Heard, Survey
+from calibrary.jobs.survey.words import CONTRADICTED
 from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.validation import (
@@ -39,7 +39,15 @@ from calibrary.validation import (
 )
 from calibrary.validation import RULES as OF_K
 
+if TYPE_CHECKING:
+    from calibrary.registry.resolution import Resolution
+
 NOT_STATED: Final = "its sensor size is not stated"
+ASK_PIXELS: Final = (
+    "'calibrary extract FOLDER --verify' asks the pixels which of the two is right; the entry stays unless they "
+    "contradict it"
+)
+COMPARE: Final = "'calibrary diff ENTRY IMAGE' compares the two; approve the right one"
 EXPLAINED: Final = frozenset({Cause.DIGITAL_ZOOM, Cause.CROP})
 """Causes of a disagreement that change the image in a way that K takes into account."""
 
@@ -91,7 +99,7 @@ def judged(
     calibration: Calibration,
     stated: Evidence,
     evidence: Evidence,
-    known: Known,
+    entry: Resolution | None,
     edits: Sequence[str],
     policy: Policy,
 ) -> Report:
@@ -101,18 +109,17 @@ def judged(
         calibration: the K.
         stated: of the images that state it.
         evidence: of the images that are judged.
-        known: the registry's entry for them.
+        entry: the registry's for them.
         edits: what was done to them, each a sentence.
         policy: the limits.
     """
-    chosen = stated.chosen
+    chosen, camera = stated.chosen, calibration.camera
     assert chosen is not None  # noqa: S101  it gives the K
-    claim = replace(of_tag(chosen, stated, calibration.camera, policy), calibration=calibration)
-    both = dict.fromkeys((*evidence.estimates, *stated.estimates))
-    others = tuple(one for one in both if one != chosen)
-    tags = (_here(one, evidence, calibration, policy) for one in others if is_statement(one))
-    entry = (of_entry(known.resolution, policy),) if known.resolution is not None else ()
-    claims = (claim, *tags, *of_catalogue(evidence, calibration.camera, policy), *entry)
+    claim = replace(of_tag(chosen, stated, camera, policy), calibration=calibration)
+    others = tuple(one for one in dict.fromkeys((*evidence.estimates, *stated.estimates)) if one != chosen)
+    tags = (of_tag(one, evidence, camera, policy) for one in others if is_statement(one))
+    entries = (of_entry(entry, policy),) if entry is not None else ()
+    claims = (claim, *tags, *of_catalogue(evidence, camera, policy), *entries)
     survey = Survey(evidence.scene.metadata, claims, policy)
     own = Own(
         calibration=calibration,
@@ -120,30 +127,11 @@ def judged(
         stated=stated,
         evidence=evidence,
         weighed=survey.heard(claim),
-        known=known_of(survey),
+        known=survey.known,
         others=others,
         edits=tuple(edits),
     )
     return Report(policy=policy.name, findings=tuple(one for rule in RULES for one in rule(own, policy)))
-
-
-def _here(one: SourceEstimate, evidence: Evidence, own: Calibration, policy: Policy) -> Claim:
-    """What a tag states, as its reader brought it to the size of the images."""
-    claim = of_tag(one, evidence, own.camera, policy)
-    return replace(claim, calibration=replace(claim.calibration, intrinsics=one.intrinsics))
-
-
-def known_of(survey: Survey) -> Placed | None:
-    """What is known of a camera besides its tags: the registry's entry, else the catalogue; None if nothing is.
-
-    Of one whose catalogue states its pixels alone, that is EXIF's focal length over them.
-    """
-    found = [one for one in survey.placed if one.settled is not Settled.AMBIGUOUS]
-    for who in (Who.ENTRY, Who.CATALOGUE, Who.TAG):
-        for one in found:
-            if one.claim.who is who and (who is not Who.TAG or CATALOGUE in one.claim.rests_on):
-                return one
-    return None
 
 
 def edits_of(evidence: Evidence, original: Originality) -> Iterator[str]:
@@ -208,14 +196,18 @@ def _focal_plausibility(own: Own, policy: Policy) -> Iterator[Finding]:
 
     Of 58 UAV cameras with a published focal length 40 are outside 0.8 … 1.5 W (tests/registry/test_catalogue.py).
     """
-    if policy.known_camera_tolerance is not None and own.known is not None:
-        yield _against_known(own, own.known, policy)
-        return
     weighs, settles = own.stated.scene.weighs, policy.independent_sources_settle
     widest = (policy.measured_over_width or policy.focal_over_width)[0]
+    by = None
+    if policy.known_camera_tolerance is not None and own.known is not None:
+        if any(one.one is own.known for one in own.weighed.against):
+            return
+        by = f"as {own.known.claim.name} states it"
     # Two tags of a sensor size use the same FocalLength, so they agree even if it is wrong.
-    if settles and own.confirmed_by is not None and not (weighs and own.over_width < widest):
-        message = f"fx = {own.over_width:.3f} W, confirmed independently by {own.confirmed_by}"
+    elif settles and own.confirmed_by is not None and not (weighs and own.over_width < widest):
+        by = f"confirmed independently by {own.confirmed_by}"
+    if by is not None:
+        message = f"fx = {own.over_width:.3f} W, {by}"
         yield Finding(rule=PLAUSIBLE, severity=Severity.PASS, measured=own.over_width, message=message)
     elif settles and weighs and not own.is_assumed:
         # An assumed sensor is no claim, so a K that rests on it can only be held to the band.
@@ -250,97 +242,64 @@ def _unconfirmed(own: Own, policy: Policy) -> Finding:
     )
 
 
-def _against_known(own: Own, known: Placed, policy: Policy) -> Finding:
-    claim, is_entry = known.claim, known.claim.who is Who.ENTRY
-    measured = own.calibration.intrinsics.fx / known.fx - 1.0
-    limit = _limit_of(own, known, policy)
-    shown_by = next((one.shown_by for one in own.weighed.against if one.one.claim is claim), ())
-    severity, by, more, remedy = Severity.PASS, "", "", None
-    of = "the registry's " if is_entry else "the catalogue's "
-    if abs(measured) <= limit:
-        pass
-    elif shown_by:
-        severity, more = Severity.WARNING, f"; it is not believed: {' and '.join(shown_by)} show it wrong"
-    elif is_entry:
-        # Either may be wrong: the entry may belong to another unit, or to the lens before a repair.
-        severity, by, of = Severity.UNPROVEN, f" by {own.chosen.tag}", f"{claim.name}'s "
-        more = ", the approved entry of the registry"
-        remedy = (
-            f"'calibrary extract FOLDER --verify' asks the pixels which of the two is right; {claim.name} stays "
-            "unless they contradict it"
-        )
-    else:
-        severity = Severity.ERROR
-        remedy = f"check the sensor size and the lens; if this unit differs, {REGISTER}"
-    found = f"fx = {own.calibration.intrinsics.fx:.1f} px{by} is {measured:+.2%} from {of}"
-    return Finding(
-        rule=PLAUSIBLE,
-        severity=severity,
-        measured=measured,
-        limit=limit,
-        message=f"{found}{known.fx:.1f} px for this camera, at most ±{limit:.1%}{more}",
-        remedy=remedy,
-    )
-
-
-def _limit_of(own: Own, known: Placed, policy: Policy) -> float:
-    """How far K may be from what is known of its camera, as a fraction."""
-    if known.claim.who is not Who.ENTRY:
-        return known.claim.tolerance
-    if not (known.claim.is_measured and own.weighed.claim.is_measured):
-        return limit_between(own.weighed.claim, known.claim)
-    # Units of a model differ; that one unit moved is told as a distance over the frame.
-    granted = known.claim.granted
-    return granted if granted is not None else known_tolerance(policy)
-
-
-def _source_agreement(own: Own, policy: Policy) -> Iterator[Finding]:
-    causes = {one.other.tag: one.cause for one in own.stated.conflicts}
-    for one, limit, severity in _contradicting(own, policy, causes):
-        fx = one.intrinsics.fx
-        message = f"{one.tag} states fx = {fx:.1f} px, {fx / own.calibration.intrinsics.fx - 1.0:+.1%}"
-        if (cause := causes.get(one.tag)) is not None:
-            message += f": {cause.value}"
-        yield Finding(
-            rule="source-agreement",
-            severity=severity,
-            measured=own.apart(fx),
-            limit=limit,
-            message=message,
-            remedy=f"find out which of the two is right; {REGISTER}",
-        )
-
-
-def _contradicting(
-    own: Own, policy: Policy, causes: Mapping[str, Cause]
-) -> Iterator[tuple[SourceEstimate, float, Severity]]:
-    """The other tags that contradict K, by how much they may, and what follows of it."""
-    if not policy.independent_sources_settle:
-        for one in own.others:
-            limit = max(policy.source_agreement, one.tolerance)
-            if not own.apart(one.intrinsics.fx) <= limit:
-                yield one, limit, Severity.WARNING
+def _contradicted(own: Own, policy: Policy) -> Iterator[Finding]:
+    """The claims that contradict K; a policy that does not weigh them warns of each tag beyond its limit."""
+    if policy.independent_sources_settle:
+        for against in own.weighed.against:
+            if against.one.claim.who is Who.TAG:
+                yield from _by_tag(own, against, policy)
+            else:
+                yield _by_known(own, against)
         return
+    for one in own.others:
+        limit, fx = max(policy.source_agreement, one.tolerance), one.intrinsics.fx
+        if not own.apart(fx) <= limit:
+            yield Finding(
+                rule=CONTRADICTED,
+                severity=Severity.WARNING,
+                measured=own.apart(fx),
+                limit=limit,
+                message=f"{one.tag} states fx = {fx:.1f} px, {fx / own.calibration.intrinsics.fx - 1.0:+.1%}",
+                remedy=f"find out which of the two is right; {REGISTER}",
+            )
+
+
+def _by_known(own: Own, against: Against) -> Finding:
+    """What is known of the camera contradicts K: of several the first decides, which is the registry's entry."""
+    claim = against.one.claim
+    is_first = own.known is not None and own.known.claim is claim
+    if against.shown_by or not is_first or not against.is_sure:
+        return against.finding(Severity.WARNING, COMPARE if claim.is_measured else None)
+    if claim.who is Who.CATALOGUE:
+        remedy = f"check the sensor size and the lens; if this unit differs, {REGISTER}"
+        return against.finding(Severity.ERROR, remedy)
+    # Either may be wrong: the entry may belong to another unit, or to the lens before a repair.
+    are_measured = claim.is_measured and own.weighed.claim.is_measured
+    return against.finding(Severity.UNPROVEN, COMPARE if are_measured else ASK_PIXELS)
+
+
+def _by_tag(own: Own, against: Against, policy: Policy) -> Iterator[Finding]:
+    """Another tag contradicts K: a warning if what is known of the camera decides, or if it is outvoted."""
+    other = next((one for one in own.others if one.tag == against.one.claim.name), None)
+    if other is None:
+        return
+    is_far = abs(gap(against.one, against.K)) > max(policy.source_agreement, other.tolerance)
     is_known = own.known is not None and own.known.claim.who is not Who.TAG
-    for against in own.weighed.against:
-        other = next((one for one in own.others if one.tag == against.one.claim.name), None)
-        if other is None:
-            continue
-        limit = max(policy.source_agreement, other.tolerance)
-        is_far = own.apart(other.intrinsics.fx) > limit
-        if is_known and not is_far:
-            continue
-        # Where all rest on one FocalLength, that two of them agree does not show the third wrong.
-        is_outvoted = against.shown_by and against.one.claim.voice != own.weighed.claim.voice
-        severity = Severity.WARNING if is_known or is_outvoted else Severity.UNPROVEN
-        if is_known and other.source is Source.FOCAL_35MM and causes.get(other.tag) not in EXPLAINED:
-            # A telephoto before the lens, a mode of the camera that it does not name, or another camera of this name.
-            severity = Severity.UNPROVEN
-        # Between the two limits a tag does not confirm K, and does not reject it either.
-        is_confirmed = own.confirmed_by is not None and not own.is_assumed
-        if own.stated.scene.weighs and is_far and not is_confirmed:
-            severity = Severity.ERROR
-        yield other, limit if is_known else against.limit, severity
+    if is_known and not is_far:
+        return
+    cause = next((one.cause for one in own.stated.conflicts if one.other.tag == other.tag), None)
+    # Where all rest on one FocalLength, that two of them agree does not show the third wrong.
+    is_outvoted = against.shown_by and against.one.claim.voice != own.weighed.claim.voice
+    severity = Severity.WARNING if is_known or is_outvoted else Severity.UNPROVEN
+    if is_known and other.source is Source.FOCAL_35MM and cause not in EXPLAINED:
+        # A telephoto before the lens, a mode of the camera that it does not name, or another camera of this name.
+        severity = Severity.UNPROVEN
+    # Between the two limits a tag does not confirm K, and does not reject it either.
+    is_confirmed = own.confirmed_by is not None and not own.is_assumed
+    if own.stated.scene.weighs and is_far and not is_confirmed:
+        severity = Severity.ERROR
+    remedy = f"find out which of the two is right; {REGISTER}"
+    yield against.finding(severity, remedy, cause)
 
 
 def _sensor_stated(own: Own, policy: Policy) -> Iterator[Finding]:
@@ -411,7 +370,7 @@ def _digital_zoom(own: Own, policy: Policy) -> Iterator[Finding]:
 def _as_the_camera_wrote_it(own: Own, policy: Policy) -> Iterator[Finding]:
     """A program that crops, resizes or corrects an image moves its pixels, and mostly leaves the tags unchanged."""
     for one in own.edits:
-        yield edited(one, policy)
+        yield words.edited(one, policy)
 
 
 def _sensor_or_register(own: Own) -> str:
@@ -427,7 +386,7 @@ RULES: Final[tuple[Rule, ...]] = (
     _alone("principal-point-drift"),
     _focal_plausibility,
     _alone("zero-skew"),
-    _source_agreement,
+    _contradicted,
     _sensor_stated,
     _focal_stated,
     _camera_stated,

@@ -9,7 +9,7 @@ import pytest
 from calibrary.calibration import Grade
 from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata
 from calibrary.jobs.extract.cameras import Camera, Sensor
-from calibrary.jobs.extract.own import RULES
+from calibrary.jobs.survey.own import RULES
 from calibrary.policy import FLEET, SOURCE, Policy
 from calibrary.records import replace
 from calibrary.validation import Severity, Verdict, lacks_confirmation
@@ -66,14 +66,14 @@ def test_the_policy_source_holds_every_camera_to_its_band() -> None:
 def test_a_known_camera_may_have_one_quarrelling_tag() -> None:
     camera = only(replace(p4_rtk(dewarp=DEWARP.format(fx=3660.0)), **per_mm(450.0)))
     assert camera.verdict is Verdict.VALID
-    assert severity(camera, "source-agreement") is Severity.WARNING
+    assert severity(camera, "contradicted") is Severity.WARNING
 
 
 def test_tags_that_contradict_each_other_leave_k_unproven_or_worse_and_warn_under_source() -> None:
     tags = {"focal_mm": 12.0, "focal_35mm": 60.0, **per_mm(300.0)}
-    assert severity(only(image(**tags)), "source-agreement") is Severity.ERROR
+    assert severity(only(image(**tags)), "contradicted") is Severity.ERROR
     camera = only(image(**tags), SOURCE)
-    assert (camera.verdict, severity(camera, "source-agreement")) == (Verdict.VALID, Severity.WARNING)
+    assert (camera.verdict, severity(camera, "contradicted")) == (Verdict.VALID, Severity.WARNING)
 
 
 def test_a_35_mm_equivalent_in_the_place_of_the_focal_length_is_an_error() -> None:
