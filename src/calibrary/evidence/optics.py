@@ -278,10 +278,17 @@ def _by_focal_plane(scene: Scene, focal_mm: float) -> Iterator[Finding]:
     )
     intrinsics = _centred(focal_mm * per_mm[0], focal_mm * per_mm[1], files_frame(scene.metadata))
     foreign = scene.is_foreign(intrinsics) if scene.known is not None else None
-    if foreign is not None:
+    if foreign is not None and not _fits_a_part(scene, intrinsics):
         yield Dropped(source=Source.FOCAL_PLANE, tag=tag, reason=foreign)
         return
     yield scene.estimate(Source.FOCAL_PLANE, tag, Grade.DERIVED, intrinsics, assumptions=assumptions)
+
+
+def _fits_a_part(scene: Scene, K: Intrinsics) -> bool:
+    """Whether a focal plane that is not of the known camera's whole frame may be of a part of it, 1:1."""
+    native = scene.native_size
+    is_smaller = native is not None and max(K.image_size) < max(native)
+    return native is not None and is_smaller and scene.is_foreign(_centred(K.fx, K.fy, native)) is None
 
 
 def _odd_focal_plane(scene: Scene, per_mm: tuple[float, float]) -> str | None:

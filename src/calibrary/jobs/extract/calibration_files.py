@@ -37,8 +37,10 @@ from calibrary.jobs.extract.cameras import Camera
 from calibrary.jobs.extract.extraction import JudgedCamera
 from calibrary.jobs.extract.fallback import CHOICE, StepName, fits, may_be_part
 from calibrary.jobs.files import choose, file_of, read_file
-from calibrary.jobs.survey import Placed, Weighed, Who, limit_between, of_file
+from calibrary.jobs.survey import Placed, Survey, Weighed, Who, limit_between, of_file
 from calibrary.jobs.survey.limits import NOMINAL, foreign
+from calibrary.jobs.survey.placing import Settled
+from calibrary.jobs.survey.words import frame_unknown
 from calibrary.parsers.format import Sure
 from calibrary.policy import Policy
 from calibrary.records import Meta, Record, replace
@@ -429,10 +431,12 @@ def _held(
 ) -> CheckedFile:
     """Weigh a file, the nearest ``of`` so many, against everything that states a K for these images."""
     claim = of_file(label, nearest)
-    found = camera.camera.survey(policy, claim).weigh(claim)
+    survey = camera.camera.survey(policy, claim)
+    found = survey.weigh(claim)
     stated = found.ways[0]
     # Of what speaks for or against it, that which says most: what was measured, then what is known best.
-    speaking = [one.one for one in found.believed] or [*found.copies, *found.confirmed_by]
+    speaking = [one.one for one in found.believed] or [*found.confirmed_by]
+    speaking = speaking or [one for one in found.copies if one.settled is not Settled.AMBIGUOUS]
     held_against = min(
         speaking or found.near,
         key=_says_least,
@@ -442,6 +446,7 @@ def _held(
         file=label,
         verdict=Rightness.UNKNOWN,
         message=_undecided(found)
+        or _untold(survey)
         or f"nothing in the images states a K to compare it with: {camera.camera.reason}",
         camera=camera.slug,
         fx=stated.fx,
@@ -480,7 +485,7 @@ def _rightness(found: Weighed, silent: Placed | None, doubt: str | None) -> Righ
         silent: the nearest to say something, if nothing confirms it.
         doubt: what programs did to the images.
     """
-    if found.believed or found.verdict is Verdict.REJECTED:
+    if found.verdict is Verdict.REJECTED or (found.believed and not _is_of_other_frame(found)):
         return Rightness.OFF
     is_told = (
         silent is None
@@ -490,10 +495,22 @@ def _rightness(found: Weighed, silent: Placed | None, doubt: str | None) -> Righ
     return Rightness.RIGHT if is_right else Rightness.UNKNOWN
 
 
+def _is_of_other_frame(found: Weighed) -> bool:
+    """Whether what is stated of this very image confirms a K, and all against it is of the camera's whole frame."""
+    for_it, against = found.confirmed_by, (one.one for one in found.believed)
+    return any(one.claim.is_framed for one in for_it) and not any(one.claim.is_framed for one in against)
+
+
 def _undecided(found: Weighed) -> str | None:
     """Why nothing tells, if that is not the other claims' part."""
     grave = [one.message for one in found.findings if one.severity is Severity.UNPROVEN]
     return grave[0] if grave and not found.believed else None
+
+
+def _untold(survey: Survey) -> str | None:
+    """Which claim is of these images by more than one reading, so that it neither confirms nor contradicts a file."""
+    unclear = (one for one in survey.placed if one.settled is Settled.AMBIGUOUS)
+    return next((frame_unknown(one, []).message for one in unclear), None)
 
 
 def _in_numbers(held: CheckedFile, other: Placed, found: Weighed, policy: Policy) -> CheckedFile:

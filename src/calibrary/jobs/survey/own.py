@@ -21,7 +21,8 @@ from calibrary.evidence.originality import Originality
 from calibrary.evidence.weighing import Cause, Evidence
 from calibrary.jobs.survey import words
 from calibrary.jobs.survey.claims import Who, is_statement, of_catalogue, of_entry, of_tag
-from calibrary.jobs.survey.placing import Placed
+from calibrary.jobs.survey.limits import CONFIRMS
+from calibrary.jobs.survey.placing import Placed, Settled
 from calibrary.jobs.survey.relating import gap
 from calibrary.jobs.survey.survey import Against, Heard, Survey
 from calibrary.jobs.survey.words import CONTRADICTED
@@ -62,6 +63,7 @@ class Own(Struct, frozen=True, kw_only=True):
         evidence: what the images state that are judged; some may lack the tag, and take K over.
         weighed: K among all claims on these images.
         known: what is known of this camera, not its tags alone; None if it is unknown.
+        frame: the tag at the size of the images, by what else is stated of them; None if it is of that size.
         others: what the other tags state.
         edits: what was done to the images, each a sentence.
     """
@@ -72,6 +74,7 @@ class Own(Struct, frozen=True, kw_only=True):
     evidence: Evidence
     weighed: Heard
     known: Placed | None
+    frame: Placed | None
     others: tuple[SourceEstimate, ...]
     edits: tuple[str, ...]
 
@@ -128,10 +131,22 @@ def judged(
         evidence=evidence,
         weighed=survey.heard(claim),
         known=survey.known,
+        frame=_frame(stated, calibration, survey),
         others=others,
         edits=tuple(edits),
     )
     return Report(policy=policy.name, findings=tuple(one for rule in RULES for one in rule(own, policy)))
+
+
+def _frame(stated: Evidence, calibration: Calibration, survey: Survey) -> Placed | None:
+    """The tag of a K as it is stated, among the other claims, without the K that was made of it."""
+    chosen, (_, *others) = stated.chosen, survey.claims
+    assert chosen is not None  # noqa: S101  it gives the K
+    claim = of_tag(chosen, stated, calibration.camera, survey.policy)
+    if claim.calibration.intrinsics.image_size == survey.metadata.size:
+        return None
+    placed = Survey(survey.metadata, (claim, *others), survey.policy).placed
+    return next((one for one in placed if one.claim is claim), None)
 
 
 def edits_of(evidence: Evidence, original: Originality) -> Iterator[str]:
@@ -209,7 +224,7 @@ def _focal_plausibility(own: Own, policy: Policy) -> Iterator[Finding]:
     if by is not None:
         message = f"fx = {own.over_width:.3f} W, {by}"
         yield Finding(rule=PLAUSIBLE, severity=Severity.PASS, measured=own.over_width, message=message)
-    elif settles and weighs and not own.is_assumed:
+    elif settles and not own.is_assumed:
         # An assumed sensor is no claim, so a K that rests on it can only be held to the band.
         yield _unconfirmed(own, policy)
     else:
@@ -271,8 +286,10 @@ def _by_known(own: Own, against: Against) -> Finding:
     if against.shown_by or not is_first or not against.is_sure:
         return against.finding(Severity.WARNING, COMPARE if claim.is_measured else None)
     if claim.who is Who.CATALOGUE:
+        # What is of the whole frame does not show wrong what an image states of its own, which may be a part of it.
+        may_be_part = own.weighed.claim.is_framed and not own.weighed.claim.is_measured
         remedy = f"check the sensor size and the lens; if this unit differs, {REGISTER}"
-        return against.finding(Severity.ERROR, remedy)
+        return against.finding(Severity.UNPROVEN if may_be_part else Severity.ERROR, remedy)
     # Either may be wrong: the entry may belong to another unit, or to the lens before a repair.
     are_measured = claim.is_measured and own.weighed.claim.is_measured
     return against.finding(Severity.UNPROVEN, COMPARE if are_measured else ASK_PIXELS)
@@ -300,6 +317,14 @@ def _by_tag(own: Own, against: Against, policy: Policy) -> Iterator[Finding]:
         severity = Severity.ERROR
     remedy = f"find out which of the two is right; {REGISTER}"
     yield against.finding(severity, remedy, cause)
+
+
+def _frame_known(own: Own, policy: Policy) -> Iterator[Finding]:
+    """A tag of another size, where nothing tells whether the frame was scaled or cut."""
+    if own.frame is None or own.edits or not policy.independent_sources_settle:
+        return
+    if own.frame.settled is Settled.AMBIGUOUS or own.apart(own.frame.fx) > CONFIRMS:
+        yield words.frame_unknown(own.frame, [])
 
 
 def _sensor_stated(own: Own, policy: Policy) -> Iterator[Finding]:
@@ -387,6 +412,7 @@ RULES: Final[tuple[Rule, ...]] = (
     _focal_plausibility,
     _alone("zero-skew"),
     _contradicted,
+    _frame_known,
     _sensor_stated,
     _focal_stated,
     _camera_stated,

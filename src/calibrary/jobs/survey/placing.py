@@ -16,7 +16,7 @@ from calibrary.calibration import Calibration, ImageSize
 from calibrary.evidence.frame import TURNED
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.evidence.readings import Prior, Reading, readings
-from calibrary.jobs.survey.claims import Claim
+from calibrary.jobs.survey.claims import Claim, Who
 from calibrary.records import replace
 
 
@@ -99,7 +99,8 @@ def place(claims: Sequence[Claim], metadata: ImageMetadata, says: Says) -> tuple
         sizes.setdefault(one.calibration.intrinsics.image_size, []).append(one)
     here = sizes.pop(metadata.size, [])
     found = [placed(one, readings(one.calibration.intrinsics, metadata)[0]) for one in here]
-    anchors = [one for one in found if not one.claim.is_whole]
+    # A file is no statement of these images: it must not choose the frame of what is then to confirm it.
+    anchors = [one for one in found if not one.claim.is_whole and one.claim.who is not Who.FILE]
     for group in sizes.values():
         found += _together(group, metadata, anchors, says)
     return tuple(found)
