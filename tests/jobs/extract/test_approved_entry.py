@@ -83,7 +83,7 @@ def test_a_contradiction_names_both(tmp_path: Path) -> None:
     assert "3900.0 px" in reason
     assert "--verify' asks the pixels" in (camera.advice or "")
     assert camera.fallback is not None
-    assert "one of the two is wrong" in camera.fallback.steps[-1].why
+    assert "EXIF FocalLength ÷ catalogue pitch states fx" in camera.fallback.steps[-1].why
 
 
 @pytest.mark.parametrize(

@@ -115,7 +115,7 @@ def test_a_good_k_of_the_images_is_measured_against_the_entry(tmp_path: Path) ->
     entry(tmp_path / "registry", fx=3900.0)
     camera = only(gate(tmp_path / "flight", registry=files(tmp_path / "registry")))
     assert camera.camera.reason is not None
-    assert "registry" in camera.camera.reason
+    assert "cameras/dji/fc6310r/5472x3648.yaml states fx" in camera.camera.reason
 
 
 def test_no_registry_is_an_error_and_not_an_empty_one(tmp_path: Path) -> None:

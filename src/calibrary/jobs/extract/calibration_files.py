@@ -466,7 +466,7 @@ def _held(
             base, message=message, held_against=held_against.claim.name, expected_fx=held_against.fx
         )
     doubt = camera.camera.doubt(nearest)
-    verdict = _rightness(found, held_against if not speaking else None, doubt)
+    verdict = _rightness(found, survey, held_against if not speaking else None, doubt)
     base = replace(base, verdict=verdict, held_against=held_against.claim.name, expected_fx=held_against.fx)
     told = _in_numbers(base, held_against, found, policy)
     return told if doubt is None else replace(told, message=f"{told.message}; {doubt}")
@@ -477,15 +477,16 @@ def _says_least(one: Placed) -> tuple[bool, bool, float]:
     return not claim.is_measured, claim.who is Who.CATALOGUE, claim.tolerance + claim.rounding
 
 
-def _rightness(found: Weighed, silent: Placed | None, doubt: str | None) -> Rightness:
+def _rightness(found: Weighed, survey: Survey, silent: Placed | None, doubt: str | None) -> Rightness:
     """Off if something shows it, right if something tells and nothing doubts it.
 
     Args:
         found: the file among all that states a K for the images.
+        survey: all of these.
         silent: the nearest to say something, if nothing confirms it.
         doubt: what programs did to the images.
     """
-    if found.verdict is Verdict.REJECTED or (found.believed and not _is_of_other_frame(found)):
+    if found.verdict is Verdict.REJECTED or (found.believed and not _is_of_other_frame(found, survey)):
         return Rightness.OFF
     is_told = (
         silent is None
@@ -495,10 +496,15 @@ def _rightness(found: Weighed, silent: Placed | None, doubt: str | None) -> Righ
     return Rightness.RIGHT if is_right else Rightness.UNKNOWN
 
 
-def _is_of_other_frame(found: Weighed) -> bool:
-    """Whether what is stated of this very image confirms a K, and all against it is of the camera's whole frame."""
-    for_it, against = found.confirmed_by, (one.one for one in found.believed)
-    return any(one.claim.is_framed for one in for_it) and not any(one.claim.is_framed for one in against)
+def _is_of_other_frame(found: Weighed, survey: Survey) -> bool:
+    """Whether what is stated of this very image confirms a K, and contradicts all of the whole frame that does not."""
+    whole = [one.one for one in found.believed if not one.one.claim.is_framed]
+    for one in found.confirmed_by:
+        if one.claim.is_framed and len(whole) == len(found.believed):
+            against = [other.one for other in survey.heard(one.claim).against]
+            if all(other in against for other in whole):
+                return True
+    return False
 
 
 def _undecided(found: Weighed) -> str | None:

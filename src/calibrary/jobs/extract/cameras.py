@@ -21,7 +21,7 @@ from calibrary.jobs.images.observation import Seen, names_a_camera, path_order
 from calibrary.jobs.survey import Claim, Survey, of_entry, of_images
 from calibrary.policy import Policy
 from calibrary.records import Record, replace
-from calibrary.validation import Report, Verdict
+from calibrary.validation import Finding, Report, Severity, Verdict
 
 DEFAULT_SENSOR_MM = (13.2, 8.8)
 """The nominal 1-inch sensor, the default of the source document."""
@@ -104,8 +104,7 @@ class Camera(Struct, frozen=True, kw_only=True):
         calibration: the K to use, None if there is none.
         report: the most severe findings of all states, with counts; None without a K.
         spread: spread of K over the states, as a fraction of fx; None with one state.
-        no_k_reason: reason in one line if there is no K.
-        no_k_remedy: what to do if there is no K.
+        no_k: why there is no K; None if there is one.
     """
 
     key: CameraKey
@@ -114,8 +113,7 @@ class Camera(Struct, frozen=True, kw_only=True):
     calibration: Calibration | None
     report: Report | None
     spread: float | None = None
-    no_k_reason: str | None = None
-    no_k_remedy: str | None = None
+    no_k: Finding | None = None
 
     @property
     def states(self) -> tuple[State, ...]:
@@ -171,20 +169,33 @@ class Camera(Struct, frozen=True, kw_only=True):
 
     @property
     def verdict(self) -> Verdict:
-        """Verdict of the report; REJECTED if there is no K."""
-        return self.report.verdict if self.report is not None else Verdict.REJECTED
+        """Verdict of the report; without a K unproven if nothing is wrong with the images, else rejected."""
+        if self.report is not None:
+            return self.report.verdict
+        is_wrong = self.no_k is None or self.no_k.severity is Severity.ERROR
+        return Verdict.REJECTED if is_wrong else Verdict.UNPROVEN
+
+    @property
+    def has_k(self) -> bool:
+        """Whether its images give a K, be it unproven."""
+        return self.calibration is not None and self.verdict is not Verdict.REJECTED
+
+    @property
+    def _grave(self) -> Finding | None:
+        """What prevents a valid K; None for a valid one."""
+        return self.no_k if self.report is None else next(iter(self.report.failures), None)
 
     @property
     def reason(self) -> str | None:
         """Reason why the K is not valid, in one line; None for a valid K."""
-        if self.report is None:
-            return self.no_k_reason
-        return self.report.failures[0].message if self.report.failures else None
+        return self._grave.message if self._grave is not None else None
 
     @property
     def remedy(self) -> str | None:
         """What to do about it; None for a valid K."""
-        return self.report.remedy if self.report is not None else self.no_k_remedy
+        if self.report is not None:
+            return self.report.remedy
+        return self.no_k.remedy if self.no_k is not None else None
 
 
 def edits_of(states: Sequence[State]) -> dict[str, str]:
@@ -349,7 +360,7 @@ def states_of(camera: Camera) -> tuple[StateDocument, ...]:
     for one in camera.judged:
         chosen, report = one.evidence.chosen, one.report
         document = StateDocument(
-            verdict=report.verdict if report is not None else Verdict.REJECTED,
+            verdict=report.verdict if report is not None else camera.verdict,
             why=report.failures[0].message if report is not None and report.failures else None,
             grade=chosen.grade if chosen is not None else None,
             intrinsics=chosen.intrinsics if chosen is not None else None,

@@ -44,7 +44,7 @@ class JudgedCamera:
         """The K to write: from the images or the fallback; None if there is none."""
         if self.fallback is not None and self.fallback.calibration is not None:
             return self.fallback.calibration
-        return self.camera.calibration if self.camera.verdict is not Verdict.REJECTED else None
+        return self.camera.calibration if self.camera.has_k else None
 
     @property
     def label(self) -> str | None:

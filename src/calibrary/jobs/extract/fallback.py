@@ -438,7 +438,7 @@ def _why_refused(camera: Camera, weighed: Weighed, report: Report) -> str | None
         CATALOGUE in one.one.claim.rests_on for one in weighed.believed
     )
     needed = {Verdict.VALID}
-    if camera.verdict is Verdict.REJECTED and weighed.computed is None and not is_known_wrong:
+    if not camera.has_k and weighed.computed is None and not is_known_wrong:
         needed.add(Verdict.UNPROVEN)
     if report.verdict in needed:
         return None

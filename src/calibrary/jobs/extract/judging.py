@@ -34,7 +34,7 @@ from calibrary.jobs.survey.own import edits_of as own_edits
 from calibrary.jobs.survey.own import judged as judged_by
 from calibrary.policy import Policy
 from calibrary.records import replace
-from calibrary.validation import EDITED, Finding, Report, Severity, group_spread, name_sensor
+from calibrary.validation import EDITED, SENSOR_STATED, Finding, Report, Severity, group_spread, name_sensor
 
 FAILS = frozenset({Severity.WARNING, Severity.UNPROVEN, Severity.ERROR})
 
@@ -135,7 +135,6 @@ def _camera(
     with_k = [(state, evidence) for state, evidence in heard if evidence.chosen is not None]
     if not with_k:
         state, evidence = heard[0]
-        reason, remedy = _no_k(key, state, evidence)
         judged = tuple(JudgedState(state=state, evidence=evidence) for state, evidence in heard)
         return Camera(
             key=key,
@@ -143,8 +142,7 @@ def _camera(
             evidence=evidence,
             calibration=None,
             report=None,
-            no_k_reason=reason,
-            no_k_remedy=remedy,
+            no_k=_no_k(key, state, evidence),
         )
     best = min(evidence.chosen.rank[0] for _, evidence in with_k if evidence.chosen)
     dated = _dated(key, [state for state, _ in heard])
@@ -337,6 +335,9 @@ def _spread(estimates: Sequence[SourceEstimate], evidence: Evidence) -> float | 
     return float(max(ranges)) / chosen.intrinsics.fx
 
 
+NO_K = "intrinsics"
+"""Rule that a K is stated at all."""
+SENSOR_UNKNOWN = "it states a focal length, and nobody the size of its sensor"
 GIVE_K = "register the camera (--registry), or give its K (--fallback-k)"
 
 
@@ -346,8 +347,18 @@ def _dated(key: CameraKey, states: Sequence[State]) -> CameraKey:
     return replace(key, firmware=versions.pop() if len(versions) == 1 else None)
 
 
-def _no_k(key: CameraKey, state: State, evidence: Evidence) -> tuple[str, str]:
-    """Reason why there is no K, and what to do."""
+def _no_k(key: CameraKey, state: State, evidence: Evidence) -> Finding:
+    """Why there is no K, and what to do; that nobody states the sensor is no fault of the images."""
+    known, metadata = state.known.camera, state.metadata
+    is_odd = bool(evidence.dropped) or evidence.scene.is_fisheye
+    if metadata.focal_mm is not None and known is None and not is_odd:
+        why, what_to_do = SENSOR_UNKNOWN, f"{name_sensor(key)}, {GIVE_K}"
+        return Finding(rule=SENSOR_STATED, severity=Severity.UNPROVEN, message=why, remedy=what_to_do)
+    why, what_to_do = _why_no_k(state, evidence)
+    return Finding(rule=NO_K, severity=Severity.ERROR, message=why, remedy=what_to_do)
+
+
+def _why_no_k(state: State, evidence: Evidence) -> tuple[str, str]:
     metadata = state.metadata
     # A registry identifies cameras by Model, so a K must be given for a camera without one.
     give_k = GIVE_K if metadata.model is not None else "give their K (--fallback-k)"
@@ -370,10 +381,8 @@ def _no_k(key: CameraKey, state: State, evidence: Evidence) -> tuple[str, str]:
     if metadata.focal_mm is None:
         missing = "no EXIF FocalLength" if metadata.has_exif else "no EXIF at all"
         return f"{missing} and no calibration tag", own_files
-    if state.known.camera is not None:
-        why = "the image size is neither the full sensor size scaled nor a 1:1 crop of it"
-        return why, "register the camera at this size (--registry)"
-    return "the pixel pitch is unknown", f"{name_sensor(key)}, {GIVE_K}"
+    why = "the image size is neither the full sensor size scaled nor a 1:1 crop of it"
+    return why, "register the camera at this size (--registry)"
 
 
 def scene_of(state: State, sensor: Sensor, policy: Policy) -> Scene:
@@ -392,8 +401,19 @@ def scene_of(state: State, sensor: Sensor, policy: Policy) -> Scene:
         siblings=state.known.siblings,
         given_sensor_mm=sides if sensor.given else None,
         # For a known camera the default sensor size would be wrong.
-        assumed_sensor_mm=None if sensor.given or knows or state.known.calibration is not None else sides,
+        assumed_sensor_mm=sides
+        if not sensor.given and not knows and state.known.calibration is None and may_be(sides, state, policy)
+        else None,
         weighs=weighs,
         fills=policy.independent_sources_settle,
         listed=listed_width(camera, state.metadata.make, state.metadata.model) if weighs else None,
     )
+
+
+def may_be(sides: tuple[float, float], state: State, policy: Policy) -> bool:
+    """Whether a sensor that nobody states may be this camera's: its pixels are square, and the lens is a usual one."""
+    if not policy.assumed_sensor_is_unproven or state.metadata.focal_mm is None:
+        return True
+    (W, H), (low, high) = state.metadata.size, policy.focal_over_width
+    is_square = abs(sides[0] / W / (sides[1] / H) - 1.0) <= (policy.focal_symmetry_proven or 1.0)
+    return is_square and low <= state.metadata.focal_mm / sides[0] <= high

@@ -39,7 +39,7 @@ from calibrary.jobs.extract.fallback import (
     outranking,
     proposed_against,
 )
-from calibrary.jobs.extract.judging import judge
+from calibrary.jobs.extract.judging import NO_K, judge
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.jobs.extract.report import ExtractReport, camera_document
 from calibrary.jobs.extract.stated import Stated
@@ -349,7 +349,7 @@ def _sensors(stated: Mapping[str, Sensor], keys: Sequence[CameraKey]) -> dict[Ca
 def _require_valid(cameras: Sequence[Camera], policy: Policy) -> None:
     for camera in cameras:
         if camera.verdict is not Verdict.VALID:
-            rule = camera.report.failures[0].rule if camera.report is not None else "intrinsics"
+            rule = camera.report.failures[0].rule if camera.report is not None else NO_K
             raise _breach(policy, rule, f"{camera.key}: {camera.reason}; {camera.remedy}")
 
 
@@ -407,7 +407,7 @@ def _fallback(camera: Camera, policy: Policy, sources: Sources) -> Fallback | No
     if camera.verdict is Verdict.VALID:
         return outranking(camera, policy, sources)
     fallback = fall_back(camera, policy, sources)
-    if camera.verdict is Verdict.REJECTED:
+    if not camera.has_k:
         return fallback
     better = fallback.report is not None and fallback.report.verdict is Verdict.VALID
     return fallback if better else Fallback(steps=fallback.steps)

@@ -503,8 +503,8 @@ def _no_k(camera: PayloadCamera, board: ImageSolve | None) -> tuple[str, str]:
             "its sensor size is not stated, so K would rest on an assumed one",
             "bring frames of a board or a calibration file",
         )
-    if judged is not None and judged.no_k_reason is not None:
-        return judged.no_k_reason, "bring frames of a board or a calibration file for it"
+    if judged is not None and judged.no_k is not None:
+        return judged.no_k.message, "bring frames of a board or a calibration file for it"
     return "no file in the folder states its K", "bring frames of a board or a calibration file for it"
 
 

@@ -140,8 +140,11 @@ def judged(
 
 def _frame(stated: Evidence, calibration: Calibration, survey: Survey) -> Placed | None:
     """The tag of a K as it is stated, among the other claims, without the K that was made of it."""
-    chosen, (_, *others) = stated.chosen, survey.claims
+    chosen, scene, (_, *others) = stated.chosen, stated.scene, survey.claims
     assert chosen is not None  # noqa: S101  it gives the K
+    if scene.known is not None and scene.known.focal_35mm is None and scene.metadata.focal_35mm is not None:
+        # A body for many lenses writes the equivalent of the part that it keeps, which its reader has asked.
+        return None
     claim = of_tag(chosen, stated, calibration.camera, survey.policy)
     if claim.calibration.intrinsics.image_size == survey.metadata.size:
         return None
@@ -192,20 +195,6 @@ def _alone(rule: str) -> Rule:
     return found
 
 
-def _focal_symmetry(own: Own, policy: Policy) -> Iterator[Finding]:
-    for found in OF_K["focal-symmetry"](own.calibration, policy):
-        # Pixels are square, so a sensor with an aspect ratio other than the image's is not this camera's.
-        yield _of_assumed(own, found, policy, "its sides are not those of the one assumed")
-
-
-def _of_assumed(own: Own, found: Finding, policy: Policy, why: str) -> Finding:
-    """A finding of K that rests on an assumed sensor: that another was assumed, and nothing of the focal length."""
-    if found.severity is Severity.PASS or not (own.is_assumed and policy.assumed_sensor_is_unproven):
-        return found
-    message, remedy = f"{NOT_STATED}, and {why}", _sensor_or_register(own)
-    return replace(found, severity=Severity.ERROR, message=message, remedy=remedy)
-
-
 def _focal_plausibility(own: Own, policy: Policy) -> Iterator[Finding]:
     """What is known of this very camera decides, then what its images confirm, only then what lenses in general have.
 
@@ -228,8 +217,7 @@ def _focal_plausibility(own: Own, policy: Policy) -> Iterator[Finding]:
         # An assumed sensor is no claim, so a K that rests on it can only be held to the band.
         yield _unconfirmed(own, policy)
     else:
-        for found in OF_K[PLAUSIBLE](own.calibration, policy):
-            yield _of_assumed(own, found, policy, "is not the one assumed")
+        yield from OF_K[PLAUSIBLE](own.calibration, policy)
 
 
 def _unconfirmed(own: Own, policy: Policy) -> Finding:
@@ -261,10 +249,11 @@ def _contradicted(own: Own, policy: Policy) -> Iterator[Finding]:
     """The claims that contradict K; a policy that does not weigh them warns of each tag beyond its limit."""
     if policy.independent_sources_settle:
         for against in own.weighed.against:
-            if against.one.claim.who is Who.TAG:
-                yield from _by_tag(own, against, policy)
-            else:
-                yield _by_known(own, against)
+            is_tag = against.one.claim.who is Who.TAG
+            found = _by_tag(own, against, policy) if is_tag else _by_known(own, against)
+            if found is not None:
+                stated = f"fx = {own.calibration.intrinsics.fx:.1f} px by {own.chosen.tag}"
+                yield replace(found, message=f"{stated}, and {found.message}")
         return
     for one in own.others:
         limit, fx = max(policy.source_agreement, one.tolerance), one.intrinsics.fx
@@ -295,15 +284,15 @@ def _by_known(own: Own, against: Against) -> Finding:
     return against.finding(Severity.UNPROVEN, COMPARE if are_measured else ASK_PIXELS)
 
 
-def _by_tag(own: Own, against: Against, policy: Policy) -> Iterator[Finding]:
+def _by_tag(own: Own, against: Against, policy: Policy) -> Finding | None:
     """Another tag contradicts K: a warning if what is known of the camera decides, or if it is outvoted."""
     other = next((one for one in own.others if one.tag == against.one.claim.name), None)
     if other is None:
-        return
+        return None
     is_far = abs(gap(against.one, against.K)) > max(policy.source_agreement, other.tolerance)
     is_known = own.known is not None and own.known.claim.who is not Who.TAG
     if is_known and not is_far:
-        return
+        return None
     cause = next((one.cause for one in own.stated.conflicts if one.other.tag == other.tag), None)
     # Where all rest on one FocalLength, that two of them agree does not show the third wrong.
     is_outvoted = against.shown_by and against.one.claim.voice != own.weighed.claim.voice
@@ -316,7 +305,8 @@ def _by_tag(own: Own, against: Against, policy: Policy) -> Iterator[Finding]:
     if own.stated.scene.weighs and is_far and not is_confirmed:
         severity = Severity.ERROR
     remedy = f"find out which of the two is right; {REGISTER}"
-    yield against.finding(severity, remedy, cause)
+    found = against.finding(severity, remedy)
+    return found if cause is None else replace(found, message=f"{found.message}: {cause}")
 
 
 def _frame_known(own: Own, policy: Policy) -> Iterator[Finding]:
@@ -407,7 +397,7 @@ Rule: TypeAlias = Callable[[Own, Policy], Iterator[Finding]]
 RULES: Final[tuple[Rule, ...]] = (
     # A leak makes the focal length implausible, so it is reported first.
     _leak_35mm,
-    _focal_symmetry,
+    _alone("focal-symmetry"),
     _alone("principal-point-drift"),
     _focal_plausibility,
     _alone("zero-skew"),

@@ -15,7 +15,7 @@ from calibrary.errors import CalibraryError
 from calibrary.jobs.diff.common_numbers import K_NAMES, SAME, common_numbers
 from calibrary.jobs.survey.claims import Claim
 from calibrary.jobs.survey.limits import CONFIRMS, CONFIRMS_AT_MOST
-from calibrary.jobs.survey.placing import Placed
+from calibrary.jobs.survey.placing import Placed, Settled
 from calibrary.policy import Policy
 from calibrary.records import replace
 
@@ -32,12 +32,15 @@ class Relation(StrEnum):
 
 
 def relate(one: Placed, K: Placed, policy: Policy) -> Relation:
-    """Of a claim whose reading is not settled only what all its readings say."""
+    """Of a claim that may have other readings only what all of them say; the usual one of two may confirm."""
+    taken = relate_as_read(one, K, policy)
     if not (one.rivals or K.rivals):
-        return relate_as_read(one, K, policy)
-    said = {relate_as_read(a, b, policy) for a in one.ways for b in K.ways}
+        return taken
+    if taken is Relation.CONFIRMS and Settled.AMBIGUOUS not in {one.settled, K.settled}:
+        return taken
+    said = {taken, *(relate_as_read(a, b, policy) for a in one.ways for b in K.ways)}
     if len(said) == 1:
-        return said.pop()
+        return taken
     return Relation.COPY if Relation.COPY in said else Relation.UNDECIDED
 
 

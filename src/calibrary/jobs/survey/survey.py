@@ -66,14 +66,14 @@ class Against(Struct, frozen=True, kw_only=True):
         is_one_unit = serial is not None and serial == other.calibration.camera.serial
         return is_one_unit or abs(gap(self.one, self.K)) > most
 
-    def finding(self, severity: Severity, remedy: str | None, cause: str | None = None) -> Finding:
+    def finding(self, severity: Severity, remedy: str | None) -> Finding:
         """That it contradicts K."""
         return Finding(
             rule=words.CONTRADICTED,
             severity=severity,
             measured=self.one.fx / self.K.fx - 1.0,
             limit=self.limit,
-            message=self.message if cause is None else f"{self.message}: {cause}",
+            message=self.message,
             remedy=remedy,
         )
 
