@@ -17,6 +17,7 @@ from calibrary.calibration import Grade, ImageSize, Intrinsics
 from calibrary.evidence.context import AGREEMENT, EQUAL_FOCAL, Dropped, Finding, Scene, Source, numbers
 from calibrary.evidence.frame import files_frame
 from calibrary.evidence.metadata import FocalPlaneUnit
+from calibrary.evidence.readings import Prior, readings
 from calibrary.image_size import same_aspect
 
 DIAGONAL_35MM = math.hypot(36.0, 24.0)
@@ -285,10 +286,17 @@ def _by_focal_plane(scene: Scene, focal_mm: float) -> Iterator[Finding]:
 
 
 def _fits_a_part(scene: Scene, K: Intrinsics) -> bool:
-    """Whether a focal plane that is not of the known camera's whole frame may be of a part of it, 1:1."""
-    native = scene.native_size
-    is_smaller = native is not None and max(K.image_size) < max(native)
-    return native is not None and is_smaller and scene.is_foreign(_centred(K.fx, K.fy, native)) is None
+    """Whether a focal plane that is not of the known camera's whole frame is of a part of it, and nothing denies that.
+
+    Where cameras and programs usually scale, the tag is what a program left as it was.
+    """
+    expected, native = scene.expected_over_width(), scene.native_size
+    if expected is None or native is None:
+        return False
+    focal = expected * native[0]
+    ways = readings(_centred(focal, focal, native), scene.metadata)
+    is_open = all(way.prior is Prior.POSSIBLE for way in ways)
+    return is_open and any(way.is_cut and abs(K.fx / way.intrinsics.fx - 1.0) <= AGREEMENT for way in ways)
 
 
 def _odd_focal_plane(scene: Scene, per_mm: tuple[float, float]) -> str | None:

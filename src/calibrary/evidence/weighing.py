@@ -11,7 +11,7 @@ Where estimates disagree, the most likely cause is named.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from enum import StrEnum
 
 from msgspec import Struct
@@ -37,14 +37,12 @@ class Evidence(Struct, frozen=True, kw_only=True):
         scene: the image's metadata and what is known about its camera.
         estimates: best first.
         dropped: sources that are present but not credible.
-        conflicts: estimates that disagree with the chosen one.
         contradiction: reason why the image size in EXIF cannot belong to this file; if set, no source is read.
     """
 
     scene: Scene
     estimates: tuple[SourceEstimate, ...] = ()
     dropped: tuple[Dropped, ...] = ()
-    conflicts: tuple[Conflict, ...] = ()
     contradiction: str | None = None
 
     @property
@@ -58,6 +56,13 @@ class Evidence(Struct, frozen=True, kw_only=True):
         if not usable and self.scene.weighs:
             usable = whole
         return usable[0] if usable else None
+
+    def cause(self, tag: str) -> Cause | None:
+        """The most likely cause why a tag disagrees with the chosen estimate; None if it does not."""
+        other, chosen = next((one for one in self.estimates if one.tag == tag), None), self.chosen
+        if other is None or chosen is None or not disagreement(chosen, other):
+            return None
+        return _cause(self.scene, chosen, other)
 
     def calibration(self, camera: CameraKey, source_name: str | None = None) -> Calibration | None:
         """The chosen estimate as a calibration of ``camera``, or None when there is no K."""
@@ -116,17 +121,7 @@ def evidence_of(scene: Scene) -> Evidence:
     if scene.weighs:
         found, stale = _weigh(scene, found)
         dropped = (*dropped, *stale)
-    evidence = Evidence(scene=scene, estimates=tuple(found), dropped=dropped)
-    chosen = evidence.chosen
-    if chosen is None:
-        return evidence
-    others = [estimate for estimate in found if estimate is not chosen]
-    return Evidence(
-        scene=scene,
-        estimates=tuple(found),
-        dropped=dropped,
-        conflicts=tuple(conflicts(scene, chosen, others)),
-    )
+    return Evidence(scene=scene, estimates=tuple(found), dropped=dropped)
 
 
 def _weigh(
@@ -198,36 +193,10 @@ class Cause(StrEnum):
     UNKNOWN = "unknown cause; check the tags"
 
 
-class Conflict(Struct, frozen=True, kw_only=True):
-    """Two estimates that differ by more than is allowed.
-
-    Attributes:
-        chosen: the estimate that is used.
-        other: the estimate that disagrees with it.
-        difference: (other − chosen) / chosen of the focal lengths.
-        cause: the most likely cause.
-    """
-
-    chosen: SourceEstimate
-    other: SourceEstimate
-    difference: float
-    cause: Cause
-
-
 def disagreement(a: SourceEstimate, b: SourceEstimate) -> float:
     """(b − a) / a of the focal lengths, or 0.0 if they agree within 5 % or within their rounding."""
     difference = b.intrinsics.fx / a.intrinsics.fx - 1.0
     return difference if abs(difference) > max(AGREEMENT, a.tolerance, b.tolerance) else 0.0
-
-
-def conflicts(scene: Scene, chosen: SourceEstimate, others: Sequence[SourceEstimate]) -> Iterator[Conflict]:
-    """Every other estimate that disagrees with the chosen one."""
-    for other in others:
-        difference = disagreement(chosen, other)
-        if difference:
-            yield Conflict(
-                chosen=chosen, other=other, difference=difference, cause=_cause(scene, chosen, other)
-            )
 
 
 def _cause(scene: Scene, chosen: SourceEstimate, other: SourceEstimate) -> Cause:

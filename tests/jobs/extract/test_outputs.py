@@ -188,8 +188,8 @@ class TestTheReport:
         assert cameras["valid"]["seed"] is None
 
     def test_exactly_one_source_is_the_chosen_one(self, cameras: dict[str, Any]) -> None:
-        estimates = cameras["valid"]["sources"]
-        assert [w["source"] for w in estimates if w["chosen"]] == ["dji-dewarp"]
+        estimates, tag = cameras["valid"]["sources"], cameras["valid"]["calibration"]["provenance"]["tag"]
+        assert [w["source"] for w in estimates if w["tag"] == tag] == ["dji-dewarp"]
         assert {w["grade"] for w in estimates} == {"calibrated", "derived", "prior"}
 
     def test_images_are_counted_with_those_set_aside(self, report: dict[str, Any]) -> None:

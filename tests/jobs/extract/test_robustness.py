@@ -299,7 +299,8 @@ class TestVerdicts:
         tags: dict[str, Any] = {"model": "Unheard-of", "focal_mm": (361, 100), "focal_35mm": 20}
         picture(tmp_path / "im" / "a.jpg", (4000, 2250), **tags)
         _, report, _ = extract("--sensor-width-mm", "6.17")
-        assert "cropped" in report["cameras"][0]["conflicts"][0]["cause"]
+        findings = report["cameras"][0]["findings"]
+        assert any("cropped" in one["message"] for one in findings if one["rule"] == "contradicted")
 
     def test_a_stripped_file_does_not_make_the_given_sensor_useless(
         self, tmp_path: Path, extract: Extract

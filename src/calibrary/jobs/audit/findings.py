@@ -288,9 +288,8 @@ def _contradictions(answer: Answer, found: Resolution, weighed: Weighed, policy:
         # The other sources are not reported besides: the one that extract would use is against the entry already.
         yield _drifted(answer, found, first, weighed, policy)
         return
-    causes = {one.other.tag: one.cause.value for one in answer.flown.camera.evidence.conflicts}
     for one in weighed.against:
-        cause = causes.get(one.one.claim.name)
+        cause = answer.flown.camera.evidence.cause(one.one.claim.name)
         yield _about(
             answer,
             Rule.TAGS,

@@ -7,12 +7,10 @@ from datetime import date
 from pathlib import Path
 from typing import Annotated, Any
 
-import msgspec
 from msgspec import Struct, field
 
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics
 from calibrary.evidence.context import Dropped, SourceEstimate
-from calibrary.evidence.weighing import Cause
 from calibrary.interop.colmap_database import DatabaseChange
 from calibrary.jobs.extract.calibration_files import CalibrationsOfFile
 from calibrary.jobs.extract.cameras import Camera, StateDocument
@@ -27,32 +25,6 @@ from calibrary.policy import FLEET, Policy
 from calibrary.records import Json, Meta, Record, encoded
 from calibrary.sfm.pixel_check import PixelCheck
 from calibrary.validation import Finding, Report, Verdict
-
-
-class JudgedSource(SourceEstimate):
-    """Estimate of K from one source.
-
-    Attributes:
-        chosen: whether the camera's K is based on it.
-    """
-
-    chosen: bool
-
-
-class Disagreement(Record):
-    """Two sources of one camera that differ by more than is allowed.
-
-    Attributes:
-        chosen: tag of the source that is used.
-        other: tag of the source that disagrees with it.
-        difference: (other − chosen) / chosen of the focal lengths.
-        cause: the most likely cause.
-    """
-
-    chosen: str
-    other: str
-    difference: float
-    cause: Cause
 
 
 class RejectedCandidate(Record):
@@ -104,7 +76,6 @@ class CameraDocument(Record):
         known_as: name of the camera in the catalogue.
         sources: estimates of K from each source.
         dropped: sources that are present but cannot belong to these images.
-        conflicts: sources that disagree.
         findings: of all rules.
         spread: spread of K over the images, as a fraction of fx.
         fallback: steps that were tried because the images give no valid K.
@@ -127,9 +98,8 @@ class CameraDocument(Record):
     output: str | None
     rejected_candidate: RejectedCandidate | None
     known_as: str | None
-    sources: tuple[JudgedSource, ...]
+    sources: tuple[SourceEstimate, ...]
     dropped: tuple[Dropped, ...]
-    conflicts: tuple[Disagreement, ...]
     findings: tuple[Finding, ...]
     spread: float | None
     fallback: tuple[Step, ...]
@@ -281,7 +251,6 @@ def encode(document: Mapping[str, Json] | Record) -> bytes:
 
 def camera_document(c: JudgedCamera) -> CameraDocument:
     """What the report says of a camera; where its K is written is planned later."""
-    evidence = c.camera.evidence
     failed = c.camera.calibration if c.calibration is None else None
     return CameraDocument(
         id=c.slug,
@@ -294,20 +263,8 @@ def camera_document(c: JudgedCamera) -> CameraDocument:
         output=None,
         rejected_candidate=_candidate(c.camera, failed) if failed is not None else None,
         known_as=c.camera.states[0].known.title,
-        sources=tuple(
-            JudgedSource(**msgspec.structs.asdict(one), chosen=one is evidence.chosen)
-            for one in evidence.estimates
-        ),
+        sources=c.camera.evidence.estimates,
         dropped=tuple(dropped for dropped, _ in c.camera.dropped),
-        conflicts=tuple(
-            Disagreement(
-                chosen=conflict.chosen.tag,
-                other=conflict.other.tag,
-                difference=conflict.difference,
-                cause=conflict.cause,
-            )
-            for conflict in evidence.conflicts
-        ),
         findings=_findings(c.report),
         spread=c.camera.spread,
         fallback=c.fallback.steps if c.fallback is not None else (),

@@ -385,14 +385,14 @@ def _evidence(camera: JudgedCamera, policy: Policy) -> Figure | None:
     evidence = camera.camera.evidence
     if not evidence.estimates:
         return None
-    doubted = {conflict.other for conflict in evidence.conflicts}
+    doubted = _contradicting(camera, policy)
 
     def role(estimate: SourceEstimate) -> Role:
         if estimate is evidence.chosen:
             return Role.CHOSEN
         if evidence.chosen is None or not estimate.is_whole:
             return Role.NO_K
-        return Role.DISAGREES if estimate in doubted else Role.AGREES
+        return Role.DISAGREES if estimate.tag in doubted else Role.AGREES
 
     rows = [
         Interval(
@@ -447,6 +447,13 @@ def _pixels(check: PixelCheck) -> Iterator[Block]:
     yield Bullets(tuple(f"{name}: {told}" for name, told in rows))
 
 
+def _contradicting(camera: JudgedCamera, policy: Policy) -> set[str]:
+    """The names of the tags that contradict the one that gives the images' K."""
+    survey, chosen = camera.camera.survey(policy), camera.camera.evidence.chosen
+    own = next((one for one in survey.claims if chosen is not None and one.name == chosen.tag), None)
+    return {one.one.claim.name for one in survey.heard(own).against} if own is not None else set()
+
+
 def _band(camera: JudgedCamera, policy: Policy) -> Band | None:
     evidence, known = camera.camera.evidence, camera.camera.survey(policy).known
     if policy.known_camera_tolerance is not None and known is not None:
@@ -494,12 +501,8 @@ def _number(value: float | None) -> str:
 
 
 def _doubts(camera: JudgedCamera) -> Iterator[Block]:
-    """Sources that were dropped or contradict K."""
-    evidence = camera.camera.evidence
-    said = [
-        f"{c.other.tag} disagrees with {c.chosen.tag} by {c.difference:+.1%}: {c.cause.value}."
-        for c in evidence.conflicts
-    ]
+    """Sources that were dropped."""
+    said = []
     images = camera.camera.count
     for dropped, carrying in camera.camera.dropped:
         of = "" if carrying == images else f" of {carrying} of {images} images"

@@ -12,12 +12,14 @@ from msgspec import Meta
 from calibrary import parsers
 from calibrary.admission import admission, why_implausible
 from calibrary.arguments import Reading
-from calibrary.calibration import Calibration
+from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import CalibraryError, FrameError, MissingSizeError
+from calibrary.evidence.weighing import Evidence
 from calibrary.jobs.files import read_file, read_unsized
 from calibrary.jobs.images.folders import files_in
 from calibrary.parsers.discovery import format_named
 from calibrary.parsers.unsized import UnsizedCalibration
+from calibrary.policy import FLEET
 from calibrary.progress import Progress
 from calibrary.records import Json, Record, replace
 
@@ -191,7 +193,7 @@ def _described(path: Path, reading: Reading) -> InspectedFile:
 
         evidence = image_evidence(path)
         warnings = [f"{dropped.tag} is not believed: {dropped.reason}" for dropped in evidence.dropped]
-        warnings += [f"{c.other.tag} disagrees by {c.difference:+.1%}: {c.cause}" for c in evidence.conflicts]
+        warnings += _contradictions(evidence)
         return _of(path, format="image", title="an image's metadata", warnings=tuple(warnings))
     if reading.format is not None:
         record, reason = format_named(reading.format, path), "you said so"
@@ -200,6 +202,17 @@ def _described(path: Path, reading: Reading) -> InspectedFile:
         record, reason = identity.format, identity.sniff.reason
     sentences = record.convention.sentences() if record.convention is not None else ()
     return _of(path, format=record.name, title=record.title, why=reason, conventions=tuple(sentences))
+
+
+def _contradictions(evidence: Evidence) -> Iterator[str]:
+    """What an image states against the tag that gives its K."""
+    from calibrary.jobs.survey import Survey, of_images  # noqa: PLC0415  not needed for calibration files
+
+    claims = of_images(evidence, CameraKey(), FLEET)
+    survey = Survey(evidence.scene.metadata, claims, FLEET)
+    for own in claims:
+        if evidence.chosen is not None and own.name == evidence.chosen.tag:
+            yield from (one.message for one in survey.heard(own).against)
 
 
 def _of(path: Path, **found: Any) -> InspectedFile:

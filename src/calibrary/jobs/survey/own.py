@@ -293,7 +293,7 @@ def _by_tag(own: Own, against: Against, policy: Policy) -> Finding | None:
     is_known = own.known is not None and own.known.claim.who is not Who.TAG
     if is_known and not is_far:
         return None
-    cause = next((one.cause for one in own.stated.conflicts if one.other.tag == other.tag), None)
+    cause = own.stated.cause(other.tag)
     # Where all rest on one FocalLength, that two of them agree does not show the third wrong.
     is_outvoted = against.shown_by and against.one.claim.voice != own.weighed.claim.voice
     severity = Severity.WARNING if is_known or is_outvoted else Severity.UNPROVEN
