@@ -32,6 +32,9 @@ P4R: dict[str, Any] = {"make": "DJI", "model": "FC6310R", "focal_mm": (88, 10)}
 NOBODY: dict[str, Any] = {"make": "Example", "model": "One", "focal_mm": (132, 10)}
 """A camera in no catalogue, whose focal length over the default sensor is 1.0 W, within the band."""
 
+PLANE: dict[str, Any] = {"focal_plane_resolution": ((300, 1), (300, 1)), "focal_plane_unit": 4}
+"""A sensor of 18.24 mm for 5472 px, which no equivalent of 24 mm of a lens of 60 mm fits."""
+
 KNOWLEDGE = Knowledge(catalogue=Catalogue([P4_RTK, M3T_WIDE, M3T_THERMAL, PHANTOM_3, SKYDIO_2]))
 ASSUMED = Sensor(size_mm=DEFAULT_SENSOR_MM, given=False)
 

@@ -17,7 +17,7 @@ from calibrary.jobs.extract import Program
 from calibrary.jobs.extract.extraction import slugs
 from calibrary.jobs.extract.report import ExtractReport, Outputs
 from calibrary.schemas import require
-from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, matrix, picture, plan
+from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, PLANE, gate, matrix, picture, plan
 
 
 def planned(
@@ -43,7 +43,9 @@ def mixed(tmp_path: Path) -> ExtractReport:
     flight = tmp_path / "flight"
     picture(flight / "valid.jpg", **P4R, dewarp=DEWARP, focal_35mm=24, body_serial="SECRET-4711")
     picture(flight / "unproven.jpg", **NOBODY)
-    picture(flight / "implausible.jpg", make="Example", model="Far", focal_mm=(600, 10))
+    picture(
+        flight / "implausible.jpg", make="Example", model="Far", focal_mm=(600, 10), focal_35mm=24, **PLANE
+    )
     picture(flight / "stripped.jpg")
     picture(flight / "stand-in.jpg", (4000, 3000), make="DJI", model="FC330", focal_mm=(0, 0), focal_35mm=20)
     (flight / "corrupt.jpg").write_bytes(b"\xff\xd8\xff")
@@ -171,7 +173,7 @@ class TestTheReport:
 
     def test_the_numbers_that_failed_are_kept_apart(self, cameras: dict[str, Any]) -> None:
         candidate = cameras["implausible"]["rejected_candidate"]
-        assert candidate["intrinsics"]["fx"] == pytest.approx(60 / 13.2 * 5472)
+        assert candidate["intrinsics"]["fx"] == pytest.approx(60 * 300)
         assert cameras["stripped"]["rejected_candidate"] is None
         assert cameras["valid"]["rejected_candidate"] is None
 

@@ -17,7 +17,7 @@ from calibrary.pages import render_page
 from calibrary.records import replace
 from calibrary.validation import Verdict
 from calibrary.view import Badge, Details, Link, Note, Plots, Section, Table, Tone, View, text_of
-from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, matrix, picture, plan
+from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, PLANE, gate, matrix, picture, plan
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,9 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> ExtractReport:
     flight = folder / "flight"
     picture(flight / "valid.jpg", **P4R, dewarp=DEWARP, focal_35mm=24, body_serial="SECRET-4711")
     picture(flight / "unproven.jpg", **NOBODY, focal_35mm=36)
-    picture(flight / "implausible.jpg", make="Example", model="Far", focal_mm=(600, 10))
+    picture(
+        flight / "implausible.jpg", make="Example", model="Far", focal_mm=(600, 10), focal_35mm=24, **PLANE
+    )
     picture(flight / "stripped.jpg")
     picture(flight / "stand-in.jpg", (4000, 3000), make="DJI", model="FC330", focal_mm=(0, 0), focal_35mm=20)
     (flight / "corrupt.jpg").write_bytes(b"\xff\xd8\xff")
@@ -106,7 +108,7 @@ def test_numbers_that_were_rejected_are_not_shown_as_a_k(page: View) -> None:
     rest = replace(
         shown, blocks=tuple(b for b in shown.blocks if b is not folded and not isinstance(b, Plots))
     )
-    rejected = "24872.73 px"
+    rejected = "18000.00 px"
     assert rejected in text(replace(page, sections=(replace(shown, blocks=(folded,)),)))
     assert rejected not in text(replace(page, sections=(rest,)))
     [row] = [row for row in overview(page).rows if isinstance(row[0], Link) and "Far" in row[0].text]

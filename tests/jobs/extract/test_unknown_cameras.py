@@ -228,11 +228,10 @@ class TestTheAssumedSensor:
     def test_it_stands_while_nothing_speaks_against_it(self) -> None:
         assert only(image((5472, 3648), focal_mm=13.2)).verdict is Verdict.UNPROVEN
 
-    def test_the_proportions_of_the_image_reject_it(self) -> None:
+    def test_where_the_image_has_other_proportions_there_is_no_k_and_nothing_wrong(self) -> None:
         camera = only(image((4000, 3000), focal_mm=13.2))
-        assert camera.evidence.chosen is not None
-        assert camera.evidence.chosen.source is Source.ASSUMED_SENSOR
-        assert camera.verdict is Verdict.REJECTED
+        assert camera.evidence.chosen is None
+        assert (camera.calibration, camera.verdict) == (None, Verdict.UNPROVEN)
 
     def test_it_is_no_evidence_against_the_equivalent(self) -> None:
         camera = only(image((5472, 3648), focal_mm=13.2, focal_35mm=60.0))

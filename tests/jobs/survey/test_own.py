@@ -98,9 +98,10 @@ def test_an_assumed_sensor_proves_nothing_and_its_remedy_comes_first() -> None:
     assert camera.verdict is Verdict.UNPROVEN
     assert (camera.remedy or "").startswith("name the sensor")
     far = only(image(focal_mm=2.0))
-    assert (far.verdict, far.report.failures[0].rule if far.report else "") == (
-        Verdict.REJECTED,
-        "focal-plausibility",
+    assert (far.verdict, far.calibration, far.no_k and far.no_k.rule) == (
+        Verdict.UNPROVEN,
+        None,
+        "sensor-stated",
     )
     assert (far.remedy or "").startswith("name the sensor")
     assert only(image(focal_mm=13.2), SOURCE).verdict is Verdict.VALID

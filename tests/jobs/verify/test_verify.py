@@ -145,7 +145,7 @@ def test_pixels_decide_where_tags_contradict_each_other(tmp_path: Path, pixels: 
     pixels(fx * 1.004)
     [camera] = calibrary.extract(tmp_path / "flight", verify=True).cameras
     assert camera.verdict is Verdict.VALID
-    [disbelieved] = [one for one in camera.findings if one.rule == "source-agreement"]
+    [disbelieved] = [one for one in camera.findings if one.rule == "contradicted"]
     assert disbelieved.severity is Severity.NOTE
     assert disbelieved.message.endswith("the pixels of 9 images agree with K, and not with it")
 

@@ -435,8 +435,8 @@ def _held(
     found = survey.weigh(claim)
     stated = found.ways[0]
     # Of what speaks for or against it, that which says most: what was measured, then what is known best.
-    speaking = [one.one for one in found.believed] or [*found.confirmed_by]
-    speaking = speaking or [one for one in found.copies if one.settled is not Settled.AMBIGUOUS]
+    copies = [one for one in found.copies if one.settled is not Settled.AMBIGUOUS]
+    speaking = [one.one for one in found.believed] or [*copies, *found.confirmed_by]
     held_against = min(
         speaking or found.near,
         key=_says_least,
