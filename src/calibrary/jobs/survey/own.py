@@ -20,7 +20,7 @@ from calibrary.evidence.optics import THERMAL
 from calibrary.evidence.originality import Originality
 from calibrary.evidence.weighing import Cause, Evidence
 from calibrary.jobs.survey import words
-from calibrary.jobs.survey.claims import Who, is_statement, of_catalogue, of_entry, of_tag
+from calibrary.jobs.survey.claims import Claim, Who, is_statement, of_catalogue, of_entry, of_tag
 from calibrary.jobs.survey.limits import CONFIRMS
 from calibrary.jobs.survey.placing import Placed, Settled
 from calibrary.jobs.survey.relating import gap
@@ -28,6 +28,7 @@ from calibrary.jobs.survey.survey import Against, Heard, Survey
 from calibrary.jobs.survey.words import CONTRADICTED
 from calibrary.policy import Policy
 from calibrary.records import replace
+from calibrary.registry.paths import id_of
 from calibrary.validation import (
     GIVE_FILES,
     PLAUSIBLE,
@@ -48,7 +49,8 @@ ASK_PIXELS: Final = (
     "'calibrary extract FOLDER --verify' asks the pixels which of the two is right; the entry stays unless they "
     "contradict it"
 )
-COMPARE: Final = "'calibrary diff ENTRY IMAGE' compares the two; approve the right one"
+IMAGE: Final = "IMAGE"
+"""Stands in a remedy for the path of an image, which is known where images are listed."""
 EXPLAINED: Final = frozenset({Cause.DIGITAL_ZOOM, Cause.CROP})
 """Causes of a disagreement that change the image in a way that K takes into account."""
 
@@ -273,7 +275,7 @@ def _by_known(own: Own, against: Against) -> Finding:
     claim = against.one.claim
     is_first = own.known is not None and own.known.claim is claim
     if against.shown_by or not is_first or not against.is_sure:
-        return against.finding(Severity.WARNING, COMPARE if claim.is_measured else None)
+        return against.finding(Severity.WARNING, _compare(claim) if claim.is_measured else None)
     if claim.who is Who.CATALOGUE:
         # What is of the whole frame does not show wrong what an image states of its own, which may be a part of it.
         may_be_part = own.weighed.claim.is_framed and not own.weighed.claim.is_measured
@@ -281,7 +283,11 @@ def _by_known(own: Own, against: Against) -> Finding:
         return against.finding(Severity.UNPROVEN if may_be_part else Severity.ERROR, remedy)
     # Either may be wrong: the entry may belong to another unit, or to the lens before a repair.
     are_measured = claim.is_measured and own.weighed.claim.is_measured
-    return against.finding(Severity.UNPROVEN, COMPARE if are_measured else ASK_PIXELS)
+    return against.finding(Severity.UNPROVEN, _compare(claim) if are_measured else ASK_PIXELS)
+
+
+def _compare(entry: Claim) -> str:
+    return f"calibrary diff {id_of(entry.name)} {IMAGE} compares them in this registry; approve the right one"
 
 
 def _by_tag(own: Own, against: Against, policy: Policy) -> Finding | None:
