@@ -385,7 +385,9 @@ def _naming_image(camera: Camera, root: Path) -> Camera:
         return camera
     image = quote(str(root / camera.names[0]))
     findings = (
-        replace(one, remedy=re.sub(rf"\b{IMAGE}\b", lambda _: image, one.remedy)) if one.remedy is not None else one
+        replace(one, remedy=re.sub(rf"\b{IMAGE}\b", lambda _: image, one.remedy))
+        if one.remedy is not None
+        else one
         for one in camera.report.findings
     )
     return replace(camera, report=replace(camera.report, findings=tuple(findings)))

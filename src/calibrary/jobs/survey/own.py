@@ -144,8 +144,10 @@ def _frame(stated: Evidence, calibration: Calibration, survey: Survey) -> Placed
     """The tag of a K as it is stated, among the other claims, without the K that was made of it."""
     chosen, scene, (_, *others) = stated.chosen, stated.scene, survey.claims
     assert chosen is not None  # noqa: S101  it gives the K
-    if scene.known is not None and scene.known.focal_35mm is None and scene.metadata.focal_35mm is not None:
-        # A body for many lenses writes the equivalent of the part that it keeps, which its reader has asked.
+    is_of_many = scene.known is not None and scene.known.focal_35mm is None
+    if scene.metadata.whole_frame is True or (is_of_many and scene.metadata.focal_35mm is not None):
+        # A thumbnail tells that nothing was cut off since; and a body for many lenses writes the equivalent of the
+        # part that it keeps. The reader of the tag has asked both.
         return None
     claim = of_tag(chosen, stated, calibration.camera, survey.policy)
     if claim.calibration.intrinsics.image_size == survey.metadata.size:
