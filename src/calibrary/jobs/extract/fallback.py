@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from enum import StrEnum
-from pathlib import Path
 from typing import Final
 
 from msgspec import Struct
@@ -32,7 +31,6 @@ from calibrary.policy import Policy
 from calibrary.records import Record, replace
 from calibrary.registry.resolution import Resolution
 from calibrary.validation import Report, Verdict
-
 
 CHOICE: Final = "--fallback-camera N"
 """How a user chooses a camera of the explicit file."""
