@@ -258,6 +258,6 @@ def test_an_interruption_says_that_nothing_was_written(
 
 def test_no_worker_outlives_the_run(tmp_path: Path, extract: Extract) -> None:
     for number in range(130):
-        picture(tmp_path / f"input/{number}.jpg", (72, 48), **P4R)
+        picture(tmp_path / f"input/{number}.jpg", **P4R)
     assert extract("--workers", "2") == 0
     assert multiprocessing.active_children() == []
