@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 from tests.house.project import CORE, ROOT, files_of
 
-SENTENCES = frozenset({"message", "remedy", "why"})
+SENTENCES = frozenset({"message", "remedy", "why", "next", "advice", "sentence"})
 NAMED = re.compile(rf"\.({'|'.join(SENTENCES)})\b")
 READS = frozenset(
     {"startswith", "endswith", "partition", "rpartition", "split", "removeprefix", "removesuffix", "replace"}

@@ -56,9 +56,9 @@ def test_a_proposal_waits_for_those_who_have_not_approved_it(
     assert queue(capsys) == [("proposal", key, True)]
     code, out, _ = run(capsys, "status")
     assert code == 1
-    assert "since today, for you" in out
+    assert f"proposal {key} you today" in " ".join(out.split())
     assert "proposed by Ada Keeper: 0 of 2 approvals" in " ".join(out.split())
-    assert f"next calibrary registry approve {P4R}" in " ".join(out.split())
+    assert f"→ calibrary registry approve {P4R}" in " ".join(out.split())
     run(capsys, "approve", *looked_at(fleet, P4R))
     assert queue(capsys) == [("proposal", key, False)]
     [matter] = printed(capsys, "registry-status-1", "status")["matters"]
@@ -74,7 +74,7 @@ def test_many_proposals_for_the_same_people_are_one(fleet: Path, capsys: pytest.
     put_bytes(fleet, {proposal_path(one.path): entry_yaml(one) for one in drafts})
     assert len(queue(capsys)) == 6
     _, out, _ = run(capsys, "status")
-    assert out.splitlines()[0] == "proposal 6 ×, the oldest since today, for you"
+    assert out.splitlines()[1].split() == ["proposal", "6", "×", "you", "today"]
     assert "proposals/dji/m2/5472x3648+f8.8 and 3 more" in out
     assert out.splitlines()[-1].startswith("6 for Ada Keeper")
 

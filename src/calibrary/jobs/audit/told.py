@@ -13,6 +13,7 @@ from typing import Final
 from msgspec import Struct
 
 from calibrary.errors import first_of
+from calibrary.jobs.audit.matters import told_status
 from calibrary.jobs.audit.report import (
     LEVELS,
     AuditedCamera,
@@ -26,6 +27,7 @@ from calibrary.jobs.audit.report import (
     Use,
     Verification,
 )
+from calibrary.jobs.audit.status import RegistryStatus
 from calibrary.pages.plots import Axis, Band, Interval, Role, intervals
 from calibrary.pages.plots.intervals import Dated, Period, over_time
 from calibrary.pages.wording import (
@@ -108,13 +110,15 @@ PIXELS: Final = {
 STEADY: Final = {Change.STEADY: Tone.GOOD, Change.UNKNOWN: Tone.NEUTRAL, Change.SEVERAL_UNITS: Tone.NEUTRAL}
 
 
-def told(done: AuditReport, *, registry: str = "") -> View:
-    """Describe an audit.
+def told(done: AuditReport | RegistryStatus, *, registry: str = "") -> View:
+    """Describe an audit, or what waits in a registry.
 
     Args:
         done: the result.
-        registry: the flag that selects the audited registry, for the commands of the remedies.
+        registry: the flag that selects the registry, for the commands of the remedies.
     """
+    if isinstance(done, RegistryStatus):
+        return told_status(done, partial(in_registry, registry))
     levels = (count(getattr(done.counts, level.value), level.value) for level in LEVELS)
     days = [day for one in done.flights for day in (one.first, one.last) if day is not None]
     left_out = f", {done.images_before} older left out" if done.images_before else ""
@@ -232,11 +236,11 @@ def _cause(units: Sequence[AuditedUnit], done: AuditReport, registry: str, ancho
         images=sum(unit.images for unit in units),
         flights=[*dict.fromkeys(leg.flight for unit in units for leg in unit.flights)],
         why=f"{which}{worst.message}" if worst is not None else _in_brief(first, cameras),
-        do=_of(registry, first.next or (worst.remedy if worst is not None else None) or ""),
+        do=in_registry(registry, first.next or (worst.remedy if worst is not None else None) or ""),
     )
 
 
-def _of(registry: str, remedy: str) -> str:
+def in_registry(registry: str, remedy: str) -> str:
     """A remedy with the flag that selects the audited registry in its commands."""
     return COMMAND.sub(rf"\g<0>{registry}", remedy)
 
@@ -304,7 +308,7 @@ def _unit(
         camera = own.get(finding.camera or "", finding.camera) or finding.place
         yield Note(
             text=f"{sentence(finding.rule)} {camera}: {finding.message}.",
-            action=_of(registry, finding.remedy) if finding.remedy is not None else None,
+            action=in_registry(registry, finding.remedy) if finding.remedy is not None else None,
             tone=TONES[finding.severity],
         )
     if cameras:

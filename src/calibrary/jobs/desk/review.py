@@ -13,8 +13,8 @@ from urllib.parse import urlencode
 
 from calibrary.calibration import Calibration
 from calibrary.errors import ConflictError, UsageError
+from calibrary.jobs.audit.matters import told_status
 from calibrary.jobs.audit.status import Kind, Matter
-from calibrary.jobs.desk.running import desk_page
 from calibrary.jobs.desk.work import Job
 from calibrary.jobs.diff.comparison import DiffReport
 from calibrary.jobs.diff.told import badge_of, comparison_sections
@@ -22,6 +22,7 @@ from calibrary.jobs.fleet import Fleet
 from calibrary.jobs.fleet.changes import MATERIAL
 from calibrary.pages.wording import count, distortion_blocks, intrinsics_items, made_by
 from calibrary.provenance import facts
+from calibrary.records import replace
 from calibrary.registry.git.writing import identity
 from calibrary.registry.paths import PROPOSED
 from calibrary.registry.proposals import Proposal, Proposals
@@ -35,7 +36,6 @@ from calibrary.view import (
     Field,
     Form,
     KeyValues,
-    Link,
     Note,
     Section,
     Table,
@@ -64,51 +64,21 @@ def queue(fleet: Fleet, said: Sequence[Section] = ()) -> View:
         said: what was just done.
     """
     found = fleet.status()
-    proposals = [one for one in found.matters if one.kind is Kind.PROPOSAL]
-    others = [one for one in found.matters if one.kind is not Kind.PROPOSAL]
-    blocks: list[Block] = ["No proposal waits."]
-    if proposals:
-        columns = (Column("proposal"), Column("what"), Column("waits for"), Column("since"))
-        blocks = [
-            Table(
-                caption="Calibrations that are proposed, and used once they are approved",
-                columns=columns,
-                rows=tuple(
-                    (
-                        Link(one.what, f"/review/one?{urlencode({'key': one.what})}"),
-                        one.text,
-                        _whom(one),
-                        str(one.since or "–"),
-                    )
-                    for one in proposals
-                ),
-            )
-        ]
-    sections = [*said, Section(title="Proposals", blocks=tuple(blocks))]
-    if others:
-        table = Table(
-            caption="Also waiting, most urgent first",
-            columns=(Column("what"), Column("matter"), Column("until"), Column("in a terminal")),
-            rows=tuple(
-                (one.what, f"{one.kind.value}: {one.text}", str(one.due or "–"), one.next or "–")
-                for one in others
-            ),
-        )
-        sections.append(Section(title="Other matters", blocks=(table,)))
+    view = told_status(found, str, _page_of)
     sync = Form(to="/sync", button="Exchange with the remote")
     text = "Fetches the commits of others and sends yours; nobody's are overwritten."
-    sections.append(Section(title="With others", blocks=(text, sync)))
-    mine = sum(one.yours for one in found.matters)
-    return desk_page(
+    at = f" at commit {found.commit[:12]}" if found.commit is not None else ""
+    return replace(
+        view,
         title="Review",
-        lead=f"{count(mine, 'matter')} for {found.person or 'unknown'}, {len(found.matters) - mine} for others or "
-        f"later; {count(found.entries, 'entry', 'entries')} at commit {(found.commit or '')[:12]}.",
-        sections=tuple(sections),
+        lead=f"{view.lead}{at}.",
+        sections=(*said, *view.sections, Section(title="With others", blocks=(text, sync))),
     )
 
 
-def _whom(matter: Matter) -> str:
-    return "you" if matter.yours else ", ".join(matter.waits_for) or "anybody else"
+def _page_of(matter: Matter) -> str | None:
+    """The page on which a proposal is looked at beside what it would replace."""
+    return f"/review/one?{urlencode({'key': matter.what})}" if matter.kind is Kind.PROPOSAL else None
 
 
 def proposal(fleet: Fleet, key: str, said: Sequence[Section] = ()) -> View:
