@@ -16,12 +16,11 @@ from calibrary.pages.plots import (
     bars,
     correlations,
     distortion_map,
-    heat_map,
     intervals,
     poses,
     radial_curve,
-    vector_field,
 )
+from calibrary.pages.plots.svg_plots import amount_map, arrow_map, cell_centres
 from calibrary.quality import Covariance
 from calibrary.view import (
     Badge,
@@ -87,18 +86,26 @@ def plots() -> dict[str, Figure]:
     rms = np.abs(random.normal(0.25, 0.05, 12))
     rms[3] = 0.8
     labels = [*HOSTILE[:8], "IMG_0008.JPG", "IMG_0009.JPG", "IMG_0010.JPG", "IMG_0011.JPG"]
-    arrows, amounts = distortion_map(BROWN)
+    shape = (12, 18)
     return {
         "bars": bars(rms, labels=labels, axis=Axis("rms", "px"), limit=0.5, caption="Views."),
-        "vector field": vector_field(
+        "arrow map": arrow_map(
             random.uniform((0, 0), SIZE, (300, 2)),
             residuals,
             SIZE,
             axis=Axis("residual", "px"),
             caption="Residuals.",
         ),
-        "heat map": heat_map(0.1 + (x**2 + y**2) / 2, SIZE, axis=Axis("1 σ", "px"), caption="Uncertainty."),
-        "coverage": heat_map(counts, SIZE, axis=Axis("corners"), caption="Coverage.", cells=True),
+        "amount map": amount_map(
+            cell_centres(shape, SIZE),
+            0.1 + (x**2 + y**2) / 2,
+            SIZE,
+            axis=Axis("1 σ", "px"),
+            caption="Uncertainty.",
+        ),
+        "coverage": amount_map(
+            cell_centres(shape, SIZE), counts, SIZE, axis=Axis("corners"), caption="Coverage."
+        ),
         "poses": poses(
             np.column_stack([residuals[:20], np.ones(20)]),
             random.uniform(700, 1500, 20),
@@ -117,8 +124,7 @@ def plots() -> dict[str, Figure]:
             band=Band(3590.0, 3810.0, "the catalogue"),
             caption="Estimates.",
         ),
-        "displacement arrows": arrows,
-        "displacement amounts": amounts,
+        "displacement arrows": distortion_map(BROWN),
         "radial curve": radial_curve(BROWN),
         "radial curve of a fisheye": radial_curve(FISHEYE),
     }

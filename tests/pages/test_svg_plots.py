@@ -15,7 +15,7 @@ from hypothesis.extra.numpy import arrays
 from calibrary.errors import InputError
 from calibrary.pages.plots import Axis
 from calibrary.pages.plots.history import Series, history
-from calibrary.pages.plots.svg_plots import amount_map, arrow_map
+from calibrary.pages.plots.svg_plots import amount_map, arrow_map, cell_centres
 from calibrary.pages.svg import inline_svg
 from calibrary.view import Figure
 from tests.pages.gallery import HOSTILE
@@ -32,6 +32,44 @@ def grid(rows: int = 5, columns: int = 7) -> np.ndarray:
 
 def drawn(figure: Figure) -> str:
     return inline_svg(figure.svg, alt=figure.alt, prefix="p")
+
+
+NOTHING, LOST = np.empty((0, 2)), np.full((3, 2), np.nan)
+
+
+@pytest.mark.parametrize(
+    ("points", "vectors"),
+    [
+        (NOTHING, NOTHING),
+        (LOST, LOST),
+        (np.ones((3, 2)), np.zeros((3, 2))),
+        (np.ones((3, 2)), np.full((3, 2), 1e-300)),
+        (np.ones((3, 2)), np.full((3, 2), 1e300)),
+    ],
+)
+def test_arrows_of_nothing_or_of_nonsense_are_still_a_map(points: np.ndarray, vectors: np.ndarray) -> None:
+    figure = arrow_map(points, vectors, SIZE, axis=PX, caption="c")
+    assert "nan" not in drawn(figure)
+
+
+def test_arrows_anywhere_tell_what_is_cut_and_what_has_no_value() -> None:
+    vectors = np.ones((60, 2))
+    vectors[7], vectors[8] = 500.0, np.nan
+    figure = arrow_map(np.full((60, 2), 50.0), vectors, SIZE, axis=PX, caption="c")
+    assert figure.alt.endswith("1 longer ones are drawn cut, in red and thicker. 1 points have no value.")
+    assert 'fill-opacity="0.22"' not in figure.svg
+
+
+def test_arrows_need_a_vector_for_each_point() -> None:
+    with pytest.raises(InputError, match="have vectors of shape"):
+        arrow_map([[1, 1], [2, 2]], [[1, 1]], SIZE, axis=PX, caption="c")
+
+
+def test_a_map_of_cells_tells_where_it_is_largest() -> None:
+    values = np.full((6, 9), 0.1)
+    values[5, 0] = 0.75
+    figure = amount_map(cell_centres(values.shape, SIZE), values, SIZE, axis=PX, caption="c")
+    assert figure.alt.endswith("from 0.1 to 0.75 px, 0.1 px in the middle, largest at the bottom left.")
 
 
 def test_an_arrow_begins_at_its_point_and_goes_its_way() -> None:

@@ -22,7 +22,7 @@ def undrawn(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
     figure = Figure(svg=UNDRAWN, alt="undrawn", caption="undrawn")
     monkeypatch.setattr(told, "intervals", lambda *_, **__: figure)
     monkeypatch.setattr(page_plots, "radial_curve", lambda *_, **__: figure)
-    monkeypatch.setattr(page_plots, "distortion_map", lambda *_, **__: (figure, figure))
+    monkeypatch.setattr(page_plots, "distortion_map", lambda *_, **__: figure)
 
 
 @pytest.fixture

@@ -26,13 +26,12 @@ from calibrary.pages.plots import (
     Axis,
     bars,
     distortion_map,
-    heat_map,
     poses,
     radial_curve,
-    vector_field,
 )
 from calibrary.pages.plots.canvas import draw, frame_axes, number
 from calibrary.pages.plots.frames import dots
+from calibrary.pages.plots.svg_plots import amount_map, arrow_map, cell_centres
 from calibrary.probability import two_digits, whole_percent
 from calibrary.sfm.tracks import upward
 from calibrary.view import Block, Figure, SideBySide
@@ -69,7 +68,7 @@ def fit_plots(views: Sequence[ViewResult], observations: Observations, points: s
     )
     pixels, residuals = _residuals(views, observations)
     size, axis = observations.image_size, Axis("residual", "px")
-    yield vector_field(
+    yield arrow_map(
         pixels,
         residuals,
         size,
@@ -77,7 +76,7 @@ def fit_plots(views: Sequence[ViewResult], observations: Observations, points: s
         caption=f"Residuals of all {points}. Where nothing is wrong their directions are random.",
     )
     middles, means = _averaged(pixels, residuals, size)
-    yield vector_field(
+    yield arrow_map(
         middles,
         means,
         size,
@@ -148,11 +147,11 @@ def _covered(views: Sequence[ViewResult], observations: Observations, points: st
     counts, _, _ = np.histogram2d(
         pixels[:, 1], pixels[:, 0], bins=(rows, columns), range=((0, size[1]), (0, size[0]))
     )
-    return heat_map(
+    return amount_map(
+        cell_centres(counts.shape, size),
         np.where(counts > 0, counts, np.nan),
         size,
         axis=Axis(points),
-        cells=True,
         caption=f"Where {points} were seen. In an empty cell the distortion is extrapolated.",
     )
 
@@ -165,9 +164,11 @@ def trust_plots(report: CalibrateReport, observations: Observations) -> Iterator
         plots.append(proven)
     if report.uncertainty_px is not None:
         std = np.array(report.uncertainty_px, dtype=np.float64)
+        cells = _between_nodes(std)
         plots.append(
-            heat_map(
-                _between_nodes(std),
+            amount_map(
+                cell_centres(cells.shape, size),
+                cells,
                 size,
                 axis=Axis("σ of a direction", "px"),
                 caption="1 σ of the pixel in which a far point is seen, the variance factor included: "
@@ -180,7 +181,7 @@ def trust_plots(report: CalibrateReport, observations: Observations) -> Iterator
         lengths = np.linalg.norm(vectors, axis=-1)
         lengths = lengths[np.isfinite(lengths)]
         plots.append(
-            vector_field(
+            arrow_map(
                 pixel_grid(size, (columns, rows)).reshape(-1, 2),
                 vectors.reshape(-1, 2),
                 size,
@@ -236,7 +237,7 @@ def _proven(report: CalibrateReport, observations: Observations) -> Figure | Non
 def lens_plots(calibration: Calibration) -> Iterator[Figure]:
     """Lens distortion over the image."""
     if calibration.distortion is not None and calibration.distortion.coefficients:
-        yield distortion_map(calibration)[0]
+        yield distortion_map(calibration)
         yield radial_curve(calibration)
 
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from calibrary.calib.verdict import BoardVerdict
 from calibrary.jobs.calibrate_watch.session import WatchedFrame, WatchStatus
-from calibrary.pages.plots import Axis, heat_map
+from calibrary.pages.plots import Axis
+from calibrary.pages.plots.svg_plots import amount_map, cell_centres
 from calibrary.pages.wording import made_by
 from calibrary.probability import two_digits
 from calibrary.view import Badge, Block, Column, Figure, KeyValues, Note, Plots, Section, Table, Tone, View
@@ -76,11 +77,11 @@ def _so_far(status: WatchStatus) -> Iterator[Block]:
 def _covered(status: WatchStatus) -> Iterator[Figure]:
     if status.image_size is not None:
         counts = np.array(status.cells, dtype=float)
-        yield heat_map(
+        yield amount_map(
+            cell_centres(counts.shape, status.image_size),
             np.where(counts > 0, counts, np.nan),
             status.image_size,
             axis=Axis("corners"),
-            cells=True,
             caption="Where corners were seen so far.",
         )
 

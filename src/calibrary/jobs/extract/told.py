@@ -337,7 +337,7 @@ def _plots(camera: JudgedCamera, policy: Policy) -> Iterator[Figure]:
     if (evidence := _evidence(camera, policy)) is not None:
         yield evidence
     if camera.calibration is not None and camera.calibration.distortion is not None:
-        yield distortion_map(camera.calibration)[0]
+        yield distortion_map(camera.calibration)
         yield radial_curve(camera.calibration)
 
 

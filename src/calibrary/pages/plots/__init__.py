@@ -5,7 +5,7 @@ Most are drawn by matplotlib in the palette's light colours; inside a page they 
 
 from calibrary.pages.plots.canvas import Axis
 from calibrary.pages.plots.charts import bars, correlations, poses
-from calibrary.pages.plots.frames import displacement, distortion_map, heat_map, radial_curve, vector_field
+from calibrary.pages.plots.frames import displacement, distortion_map, radial_curve
 from calibrary.pages.plots.intervals import Band, Interval, Role, intervals
 
 __all__ = [
@@ -17,9 +17,7 @@ __all__ = [
     "correlations",
     "displacement",
     "distortion_map",
-    "heat_map",
     "intervals",
     "poses",
     "radial_curve",
-    "vector_field",
 ]

@@ -1,7 +1,6 @@
-"""Plots written directly as SVG, for thousands of pages: they take a hundredth of matplotlib's time.
+"""Maps over the image, written directly as SVG: they take a hundredth of matplotlib's time.
 
-Their axes show less than those of :mod:`calibrary.pages.plots.frames` and
-:mod:`calibrary.pages.plots.charts`, but they can mark the part of the image in which the values are valid.
+They can mark the part of the image in which the values are valid.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from calibrary.arrays import FloatArray
 from calibrary.calibration import ImageSize
 from calibrary.errors import InputError
 from calibrary.pages.palette import Colour
-from calibrary.pages.plots.canvas import Axis, name, number
+from calibrary.pages.plots.canvas import Axis, as_points, name, number, thinned
 from calibrary.view import Figure
 
 INK, MUTED, SURFACE = Colour.INK.light, Colour.MUTED.light, Colour.SURFACE.light
@@ -29,11 +28,13 @@ LEFT, TOP = 46.0, 30.0
 FRAME_WIDTH = 420.0
 BELOW = 40.0
 LONG_ARROW = 0.055
-"""Length of the longest of the 95 % shortest arrows, as a fraction of the image's longer side."""
+"""Length of the longest of the 95 % shortest arrows, as a fraction of the image's longer side; of many it is less."""
+MOST_INK = 1.5
 
 CUT = 2.5
 """Arrows are drawn up to this many times as long as the longest of the 95 % shortest."""
 
+MOST_ARROWS = 500
 LEAST = 1e-9
 LARGEST = 1e15
 """Larger values are dropped: no plot of an image can show them."""
@@ -100,11 +101,11 @@ def arrow_map(
     caption: str,
     inside: ArrayLike | None = None,
 ) -> Figure:
-    """Arrows over the image, such as the difference between two calibrations.
+    """Arrows over the image: residuals, or the difference between two calibrations.
 
     Args:
-        points: (R, C, 2) px, start points of the arrows, rows from top to bottom.
-        vectors: (R, C, 2) in ``axis.unit``; NaN for no arrow.
+        points: (R, C, 2) px, start points of the arrows, rows from top to bottom; or (N, 2), anywhere.
+        vectors: of the same shape, in ``axis.unit``; NaN for no arrow.
         image_size: (width, height) px.
         axis: what the arrows measure.
         caption: what to look for.
@@ -114,25 +115,35 @@ def arrow_map(
     Raises:
         InputError: the shapes of the arrays do not match.
     """
-    begin, given = _grid(points, 2), _grid(vectors, 2)
-    valid = np.asarray(np.isfinite(given).all(axis=-1))
-    counts = _inside(inside, valid)
+    begin, given = (np.asarray(one, dtype=np.float64) for one in (points, vectors))
     if begin.shape != given.shape:
         raise InputError(
             f"{axis.quantity}: points of shape {begin.shape} have vectors of shape {given.shape}"
         )
+    is_grid = begin.ndim == 3
+    if is_grid:
+        begin, given = _grid(begin, 2), _grid(given, 2)
+    else:
+        begin, given = as_points(begin, "points"), as_points(given, "vectors")
+    valid = np.asarray((np.abs(np.concatenate([begin, given], axis=-1)) < LARGEST).all(axis=-1))
+    counts = _inside(inside, valid)
     frame = _Frame.of(image_size)
     length = np.where(valid, np.hypot(given[..., 0], given[..., 1]), 0.0)
     usual = float(np.percentile(length[counts], 95)) if counts.any() else 0.0
-    parts = [_shaded(begin, ~counts, frame)]
+    parts = [_shaded(begin, ~counts, frame)] if is_grid else []
+    cut = length > CUT * usual
     if usual > LEAST:
-        gain = LONG_ARROW * max(image_size) * frame.scale / usual
-        cut = length > CUT * usual
+        shown = np.ones(length.shape, dtype=np.bool_)
+        if not is_grid:
+            shown = np.isin(np.arange(len(length)), thinned(len(length), MOST_ARROWS))
+        gain = min(LONG_ARROW, MOST_INK / math.sqrt(shown.sum())) * max(image_size) * frame.scale / usual
         shrink = (CUT * usual / np.maximum(length, CUT * usual))[..., None]
         drawn = np.where(valid[..., None], given, 0.0) * gain * shrink
         at = frame.at(begin)
         kinds = ((valid & ~counts, MUTED, 0.9), (counts & ~cut, ACCENT, 1.3), (counts & cut, BAD, 2.0))
-        arrows = [_arrows(at[some], drawn[some], colour, width) for some, colour, width in kinds]
+        arrows = [
+            _arrows(at[some & shown], drawn[some & shown], colour, width) for some, colour, width in kinds
+        ]
         parts.append(frame.clipped("".join(arrows)))
         parts.append(_scale(usual, gain, frame, axis))
     alt = f"Arrows of {axis.quantity} over a {image_size[0]} × {image_size[1]} px frame"
@@ -140,7 +151,17 @@ def arrow_map(
         rms = float(np.sqrt(np.mean(length[counts] ** 2)))
         alt += f": root mean square {axis.of(rms)}, longest {axis.of(float(length[counts].max()))}"
     alt += f"; {_share(counts)}." if inside is not None else "."
+    if cut.any():
+        alt += f" {int(cut.sum())} longer ones are drawn cut, in red and thicker."
+    if lost := int((~valid).sum()):
+        alt += f" {lost} points have no value."
     return Figure(svg=frame.drawing(*parts, frame.axes()), alt=alt, caption=caption)
+
+
+def cell_centres(shape: tuple[int, ...], image_size: ImageSize) -> FloatArray:
+    """Centres (R, C, 2) px of equal cells that cover an image."""
+    x, y = ((np.arange(shape[1 - at]) + 0.5) * image_size[at] / shape[1 - at] for at in (0, 1))
+    return np.stack(np.meshgrid(x, y), axis=-1)
 
 
 def amount_map(
@@ -187,8 +208,17 @@ def amount_map(
         low = float(amounts[counts].min())
         alt += f", from {number(low)} to {axis.of(high)}"
         alt += f", {axis.of(float(centre))} in the middle" if math.isfinite(centre) else ""
+        row, column = divmod(int(np.argmax(np.where(counts, np.nan_to_num(amounts), -1.0))), amounts.shape[1])
+        alt += f", largest {_place(row, column, amounts.shape)}"
     alt += f"; {_share(counts)}." if inside is not None else "."
     return Figure(svg=frame.drawing(*parts, frame.axes()), alt=alt, caption=caption)
+
+
+def _place(row: int, column: int, shape: tuple[int, ...]) -> str:
+    """Position of a cell in words."""
+    down = ("at the top", "in the middle", "at the bottom")[min(2, 3 * row // shape[0])]
+    across = ("left", "centre", "right")[min(2, 3 * column // shape[1])]
+    return f"{down} {across}"
 
 
 def _grid(values: ArrayLike, depth: int) -> FloatArray:
