@@ -10,19 +10,10 @@ from rich.text import Text
 from calibrary.cli import tables
 from calibrary.cli.console import folded
 from calibrary.cli.tables import Column, fitted
+from calibrary.cli.words import printable
 from tests.thorough import examples
 
-WORDS = [
-    "fx",
-    "3659.41",
-    "[dim](+0.12)[/]",
-    "[bold red]two words[/]",
-    r"\[left]",
-    "漢字",
-    "x" * 30,
-    "[b]m[/b]",
-    "",
-]
+WORDS = ["fx", "3659.41", "[dim](+0.12)[/]", r"\[left]", "漢字", "x" * 30, "[b]m[/b]", "a\x1b[31m", ""]
 CELLS = st.lists(st.sampled_from(WORDS), max_size=6).map(" ".join)
 
 
@@ -35,11 +26,13 @@ def shown(text: Text) -> tuple[str, list[frozenset[str]]]:
     return text.plain, [frozenset(one) for one in styles]
 
 
-@given(CELLS, st.sampled_from(["", "dim"]), st.sampled_from([4, 12, 40]))
+@given(CELLS, st.sampled_from(["", "dim"]), st.sampled_from(["", "bold red"]), st.sampled_from([4, 12, 40]))
 @settings(max_examples=examples(60))
-def test_a_cell_is_read_and_wrapped_as_rich_does(markup: str, style: str, width: int) -> None:
-    text = Text.from_markup(markup, style=style, emoji=False)
-    cell = tables._cell(markup, style)
+def test_a_cell_is_text_and_is_wrapped_as_rich_does(words: str, style: str, own: str, width: int) -> None:
+    text = Text(printable(words), style=style)
+    if own:
+        text.stylize(own)
+    cell = tables._cell((words, own) if own else words, style)
     assert shown(cell.line()) == shown(text)
     lines = [shown(line.line()) for line in tables._folded(cell, width, indent=2, hang=1)]
     expected = [shown(line) for line in folded(text, width, indent=2, hang=1)]
@@ -54,11 +47,11 @@ def test_nothing_is_lost_at_any_width_and_each_cell_keeps_its_style(width: int) 
         Column(name="by", rank=3, style="dim"),
         Column(name="reason", rank=2, wraps=True),
     ]
-    lines = fitted(columns, [("abc", "3659.41 [bold](+1)[/]", "Ada", "flown again after landing")], width)
-    styles = {word: {s for s, w in styled(lines) if w == word} for word in ("(+1)", "Ada", "abc")}
-    assert styles == {"(+1)": {"bold"}, "Ada": {"dim"}, "abc": set()}
+    lines = fitted(columns, [("abc", ("3659.41", "bold"), "Ada", "flown again after landing")], width)
+    styles = {word: {s for s, w in styled(lines) if w == word} for word in ("3659.41", "Ada", "abc")}
+    assert styles == {"3659.41": {"bold"}, "Ada": {"dim"}, "abc": set()}
     words = " ".join(line.plain for line in lines).split()
-    assert {"abc", "3659.41", "(+1)", "Ada", "flown", "again", "after", "landing"} <= {*words}
+    assert {"abc", "3659.41", "Ada", "flown", "again", "after", "landing"} <= {*words}
     assert max(len(line.plain) for line in lines) <= width
 
 

@@ -22,14 +22,14 @@ examples:
 
 class _Catalogue(Shown):
     def show(self, done: Any, arguments: argparse.Namespace, **_: Any) -> None:
-        from calibrary.cli.console import errors, plain
+        from calibrary.cli.console import errors
 
         if done.cameras:
             super().show(done, arguments)
             return
         words = [word for one in known_cameras().cameras for word in (*one.models, one.title)]
         remedy = meant(arguments.model, words) or "'calibrary catalogue' lists them all"
-        errors().say(plain(f"calibrary: the catalogue has no camera like {arguments.model!r}; {remedy}"))
+        errors().say(f"calibrary: the catalogue has no camera like {arguments.model!r}; {remedy}")
 
 
 COMMAND = _Catalogue(

@@ -13,8 +13,9 @@ from typing import NoReturn
 
 from rich.cells import cell_len
 from rich.console import Console, RenderableType
-from rich.markup import escape
 from rich.text import Text
+
+from calibrary.cli.words import Words, printable
 
 UNFOLDED = 10_000
 """Width where there is no terminal: grep finds a sentence, and the row of a table, in one line."""
@@ -29,23 +30,25 @@ class Screen(Console):
         """The width, limited to what reads well on a terminal."""
         return min(self.width, columns) if self.is_terminal else self.width
 
-    def say(self, text: str, *, style: str = "", indent: int = 0, hang: int = 2) -> None:
-        """Print a paragraph in rich's markup.
+    def say(self, *words: Words, style: str = "", indent: int = 0, hang: int = 2) -> None:
+        """Print a paragraph.
 
         Args:
-            text: escape text from files and tags with :func:`plain`; leading spaces indent the whole paragraph.
+            words: text, with a style of its own where a pair says so; leading spaces indent the whole paragraph.
             style: of the whole paragraph.
             indent: columns before the first line.
             hang: additional columns before the other lines.
         """
         if not self.is_terminal:
             if not self.quiet:
-                whole = Text.from_markup(text, emoji=False).plain.rstrip()
-                self.file.write(f"{' ' * indent}{whole}\n")
+                whole = "".join(printable(one if isinstance(one, str) else one[0]) for one in words)
+                self.file.write(f"{' ' * indent}{whole.rstrip()}\n")
             return
-        for line in folded(
-            Text.from_markup(text, style=style, emoji=False), self.width, indent=indent, hang=hang
-        ):
+        text = Text(style=style)
+        for one in words:
+            said, own = (one, "") if isinstance(one, str) else one
+            text.append(printable(said), own)
+        for line in folded(text, self.width, indent=indent, hang=hang):
             self.print(line, highlight=False, soft_wrap=True)
 
     def table(self, drawn: RenderableType) -> None:
@@ -60,11 +63,12 @@ class Screen(Console):
         if not self.is_terminal:
             # A pipe needs no styles; skipping them is faster for ten thousand rows.
             if not self.quiet:
-                plains = (line if isinstance(line, str) else line.plain for line in lines)
+                plains = (printable(line) if isinstance(line, str) else line.plain for line in lines)
                 self.file.write("".join(f"{' ' * indent}{text}".rstrip() + "\n" for text in plains))
             return
         for line in lines:
-            self.print(Text(" " * indent) + line, highlight=False, soft_wrap=True)
+            text = printable(line) if isinstance(line, str) else line
+            self.print(Text(" " * indent) + text, highlight=False, soft_wrap=True)
 
     def verbatim(self, text: str, *, style: str = "") -> None:
         """Print lines unchanged, such as commands that the user copies."""
@@ -119,17 +123,3 @@ def cuts(text: str, first: int, further: int) -> Iterator[tuple[int, int]]:
             start, room = word_start, further
         at = word_end
     yield start, len(text)
-
-
-def printable(text: str) -> str:
-    """Text from a file or tag without control characters, which a terminal would interpret."""
-    if text.isprintable():
-        return text
-    return "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in text)
-
-
-def plain(text: str) -> str:
-    """As :func:`printable`, with rich's markup escaped."""
-    if not text.isprintable():
-        text = printable(text)
-    return escape(text) if "[" in text or "\\" in text else text

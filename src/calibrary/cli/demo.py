@@ -40,14 +40,14 @@ COLUMNS = (
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary.cli.console import note, out, plain
+    from calibrary.cli.console import note, out
 
     folder = Path(arguments.folder)
     images = call(demo, arguments)
     screen = out(arguments)
     _show(screen, images)
     size_mb = sum((folder / image.name).stat().st_size for image in images) / 1e6
-    screen.say(f"{len(images)} files, {size_mb:.1f} MB, in {plain(str(folder / 'flight'))}")
+    screen.say(f"{len(images)} files, {size_mb:.1f} MB, in {folder / 'flight'!s}")
     screen.say("beside it, for the commands of the README: survey, odd-camera and payload")
     remarks = note(arguments)
     remarks.say("next:")
@@ -57,7 +57,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _show(screen: Screen, images: Sequence[DemoImage]) -> None:
     """Show the images as a table; images of one camera that demonstrate the same case share a row."""
-    from calibrary.cli.console import plain
     from calibrary.records import replace
 
     styles = {"valid": "green", "unproven": "yellow", "rejected": "red"}
@@ -66,11 +65,11 @@ def _show(screen: Screen, images: Sequence[DemoImage]) -> None:
         stories.setdefault(replace(image, name="", private=()), []).append(image.name)
     rows = [
         (
-            plain(names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"),
-            plain(image.camera),
-            f"[{styles.get(image.outcome.value, 'magenta')}]{image.outcome}[/]",
+            names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more",
+            image.camera,
+            (str(image.outcome), styles.get(image.outcome.value, "magenta")),
             "–" if image.fx_px is None else f"{image.fx_px:.1f}",
-            plain(f"{image.story}: {image.reason}"),
+            f"{image.story}: {image.reason}",
         )
         for image, names in stories.items()
     ]

@@ -59,7 +59,7 @@ class _Diff(Shown):
 
     def done(self, arguments: argparse.Namespace, _: Any = None) -> DiffReport | FleetDiffReport:
         """Compare two calibrations, or a fleet, and say where the page is."""
-        from calibrary.cli.console import note, plain
+        from calibrary.cli.console import note
 
         found: DiffReport | FleetDiffReport
         if arguments.a is not None:
@@ -71,7 +71,7 @@ class _Diff(Shown):
                 registry = Fleet.named(arguments.registry).registry
                 found = call(compare_fleet, arguments, registry=registry, progress=bar)
         if arguments.html is not None:
-            note(arguments).say(plain(f"wrote {arguments.html}"))
+            note(arguments).say(f"wrote {arguments.html}")
         return found
 
     def exit_code(self, done: DiffReport | FleetDiffReport, _: argparse.Namespace) -> int:

@@ -143,14 +143,14 @@ class _Extract(Shown):
 
     def print_document(self, done: ExtractReport, arguments: argparse.Namespace) -> None:
         """Print the same bytes as in the report file, whatever the terminal's encoding."""
-        from calibrary.cli.console import note, plain
+        from calibrary.cli.console import note
         from calibrary.jobs.extract.report import encode
 
         sys.stdout.flush()
         planned = done.outputs
         sys.stdout.buffer.write(planned.files[planned.report] if planned.report else encode(done))
         for warning in done.warnings:
-            note(arguments).say(f"[yellow]note[/]: {plain(warning)}")
+            note(arguments).say(("note", "yellow"), f": {warning}")
 
     def show(self, done: ExtractReport, arguments: argparse.Namespace, **_: Any) -> None:
         super().show(done, arguments, files=True)

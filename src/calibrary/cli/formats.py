@@ -20,14 +20,14 @@ examples:
 
 class _Formats(Shown):
     def show(self, done: Any, arguments: argparse.Namespace, **_: Any) -> None:
-        from calibrary.cli.console import errors, plain
+        from calibrary.cli.console import errors
 
         if done.formats:
             super().show(done, arguments, name=arguments.name)
             return
         words = [word for one in formats().formats for word in (one.name, *one.programs)]
         remedy = meant(arguments.name, words) or "'calibrary formats' lists them all"
-        errors().say(plain(f"calibrary: no format is called {arguments.name!r}; {remedy}"))
+        errors().say(f"calibrary: no format is called {arguments.name!r}; {remedy}")
 
 
 COMMAND = _Formats(

@@ -30,11 +30,9 @@ class _K(Shown):
         sys.stdout.write("".join("{} {} {}\n".format(*row) for row in done.intrinsics.rows))
 
     def exit_code(self, done: OneK, arguments: argparse.Namespace) -> int:
-        from calibrary.cli.console import errors, plain
+        from calibrary.cli.console import errors
 
-        errors().say(
-            plain(f"calibrary: {'' if done.calibration is not None else 'a seed, no K: '}{done.why}")
-        )
+        errors().say(f"calibrary: {'' if done.calibration is not None else 'a seed, no K: '}{done.why}")
         return super().exit_code(done, arguments)
 
 

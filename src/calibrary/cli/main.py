@@ -11,6 +11,7 @@ from contextlib import contextmanager
 
 from calibrary.cli.commands import Command, Parser, add_commands
 from calibrary.cli.signals import exit_code
+from calibrary.cli.words import printable
 from calibrary.errors import (
     AmbiguousCameraError,
     CalibraryError,
@@ -105,7 +106,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             sys.stdout.flush()
         return code
     except CalibraryError as error:
-        _complain(_printable(error))
+        _complain(printable(str(error)))
         return _exit_code(error)
     except KeyboardInterrupt as error:
         _complain("; ".join(("interrupted", *map(str, error.args))) if error.args else INTERRUPTED)
@@ -117,7 +118,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except Exception as error:
         if os.environ.get("CALIBRARY_DEBUG"):
             raise
-        said = f"this is a bug: {type(error).__name__}: {_printable(error)}"
+        said = f"this is a bug: {type(error).__name__}: {printable(str(error))}"
         _complain(f"{said}; CALIBRARY_DEBUG=1 shows where, please report it")
         return EXIT_BUG
 
@@ -156,11 +157,6 @@ def _spell_out_what_cannot_be_printed() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
-
-
-def _printable(error: Exception) -> str:
-    """The message without control characters: it may contain file names, and a terminal would interpret them."""
-    return "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in str(error))
 
 
 def _exit_code(error: CalibraryError) -> int:

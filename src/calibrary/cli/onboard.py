@@ -126,9 +126,8 @@ def _question(done: OnboardReport) -> str:
 
 
 def _say(screen: Screen, text: str, style: str | None = None) -> None:
-    from calibrary.cli.console import plain
 
-    screen.say(plain(text), style=style or "")
+    screen.say(text, style=style or "")
 
 
 COMMAND = Shown(

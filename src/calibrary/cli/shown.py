@@ -126,11 +126,11 @@ class Shown:
 
     def show(self, done: Any, arguments: argparse.Namespace, **how: Any) -> None:
         """Show the view of the result; ``how`` goes to the function that makes it."""
-        from calibrary.cli.console import out, plain
+        from calibrary.cli.console import out
 
         if self._said is not None:
             for line in self._said(done, arguments):
-                out(arguments).say(plain(line))
+                out(arguments).say(line)
             return
         from calibrary.cli.terminal import show
         from calibrary.view import view_of

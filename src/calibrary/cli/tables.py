@@ -6,13 +6,13 @@ word is broken.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Iterator, Sequence
-from functools import lru_cache
 from itertools import zip_longest
 from typing import TYPE_CHECKING, NamedTuple
 
 from msgspec import Struct
+
+from calibrary.cli.words import Words, printable
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -26,10 +26,6 @@ READABLE = 24
 
 LONGEST_WORD = 40
 """Longest word that sets the width of a column of sentences; a longer one, such as a hash, does not."""
-
-
-_ONE_STYLE = re.compile(r"([^\[\\]*)\[([a-z ]+)\]([^\[\\]*)\[/\]([^\[\\]*)")
-"""Markup with one style in it, as nearly all has: rich's own parser takes ten times as long."""
 
 
 class Column(Struct, frozen=True, kw_only=True):
@@ -85,13 +81,13 @@ _EMPTY = _Cell()
 
 
 def fitted(
-    columns: Sequence[Column], rows: Sequence[Sequence[str]], width: int, *, header: bool = True
+    columns: Sequence[Column], rows: Sequence[Sequence[Words]], width: int, *, header: bool = True
 ) -> list[Text]:
     """The lines of a table no wider than ``width``, unless a single word is wider.
 
     Args:
         columns: of the table, in order.
-        rows: cells in rich's markup. A column without any content is omitted.
+        rows: cells. A column without any content is omitted.
         width: of the terminal.
         header: whether to print the column names.
     """
@@ -122,16 +118,16 @@ def fitted(
 
 
 def single_lines(
-    columns: Sequence[Column], rows: Sequence[Sequence[str]], width: int, *, styled: bool = True
+    columns: Sequence[Column], rows: Sequence[Sequence[Words]], width: int, *, styled: bool = True
 ) -> tuple[Sequence[Text | str], list[str]]:
     """The lines of a table with one line per row, and the names of the columns omitted to achieve this.
 
     Columns are omitted by descending rank until the table is no wider than ``width``; those of rank 0 are
-    always kept, even if the lines become longer than ``width``. Cells are in rich's markup; without ``styled``, lines
-    are plain text, which takes a hundred thousand rows a tenth of the time.
+    always kept, even if the lines become longer than ``width``. Without ``styled``, lines are plain text, which takes a
+    hundred thousand rows a tenth of the time.
     """
     every = [[row[i] for row in rows] for i in range(len(columns))]
-    texts = [[column.name, *_unmarked(cells)] for column, cells in zip(columns, every, strict=True)]
+    texts = [[column.name, *map(_text, cells)] for column, cells in zip(columns, every, strict=True)]
     kept = [i for i in range(len(columns)) if any(texts[i][1:])]
     if not kept:
         return [""] * (1 + len(rows)), []
@@ -153,9 +149,8 @@ def single_lines(
     return [line.part(0, len(line.text.rstrip())).line() for line in lines], left_out
 
 
-def _unmarked(cells: Sequence[str]) -> Iterable[str]:
-    whole = "".join(cells)
-    return (_cell(cell, "").text for cell in cells) if "[" in whole or "\\" in whole else cells
+def _text(cell: Words) -> str:
+    return printable(cell if isinstance(cell, str) else cell[0])
 
 
 def _padded(texts: Sequence[str], width: int, *, right: bool) -> Iterable[str]:
@@ -174,7 +169,7 @@ def _wide(text: str) -> int:
 
 
 def facts(rows: Sequence[tuple[str, str]], width: int) -> list[Text]:
-    """The lines of a two-column list of names and values; both are text without markup."""
+    """The lines of a two-column list of names and values."""
     from rich.text import Text
 
     from calibrary.cli.console import folded
@@ -185,32 +180,16 @@ def facts(rows: Sequence[tuple[str, str]], width: int) -> list[Text]:
         indent = len(name) - len(name.lstrip(" "))
         label = Text(name[indent:].ljust(name_width + GAP - indent), "dim")
         hang = name_width + GAP - indent
-        lines += folded(label + Text(value), width, indent=indent, hang=hang)
+        lines += folded(label + Text(printable(value)), width, indent=indent, hang=hang)
     return lines
 
 
-def _cell(markup: str, style: str) -> _Cell:
-    """A cell of rich's markup."""
-    if "[" not in markup and "\\" not in markup:
-        return _styled(markup, style)
-    return _of_markup(markup, style)
-
-
-@lru_cache(maxsize=256)
-def _of_markup(markup: str, style: str) -> _Cell:
-    if one := _ONE_STYLE.fullmatch(markup):
-        before, inner, text, after = one.groups()
-        cell = _joined([_Cell(before), _styled(text, inner), _Cell(after)])
-    else:
-        cell = _read_markup(markup)
-    return _Cell(cell.text, ((0, len(cell.text), style), *cell.styles)) if style else cell
-
-
-def _read_markup(markup: str) -> _Cell:
-    from rich.text import Text
-
-    text = Text.from_markup(markup, emoji=False)
-    return _Cell(text.plain, tuple((span.start, span.end, str(span.style)) for span in text.spans))
+def _cell(words: Words, style: str) -> _Cell:
+    """A cell with its own style within that of its column."""
+    if isinstance(words, str):
+        return _styled(printable(words), style)
+    text = printable(words[0])
+    return _Cell(text, tuple((0, len(text), one) for one in (style, words[1]) if one and text))
 
 
 def _styled(text: str, style: str) -> _Cell:

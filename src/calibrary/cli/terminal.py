@@ -11,8 +11,9 @@ from typing import Final
 
 from rich.text import Text
 
-from calibrary.cli.console import Screen, plain, printable
+from calibrary.cli.console import Screen
 from calibrary.cli.tables import Column, facts, fitted
+from calibrary.cli.words import Words, printable
 from calibrary.view import (
     SENTENCE,
     Badge,
@@ -66,7 +67,7 @@ def show(screen: Screen, view: View, *, whole: bool = False) -> None:
         shown.blocks(section.blocks, 0)
     if shown.has_begun:
         screen.say("")
-    screen.say(plain(view.lead), style=STYLES[view.badge.tone] if view.badge is not None else "bold")
+    screen.say(view.lead, style=STYLES[view.badge.tone] if view.badge is not None else "bold")
 
 
 class _Shown:
@@ -88,11 +89,11 @@ class _Shown:
 
     def heading(self, section: Section, indent: int) -> None:
         """Show the heading of a section."""
-        badge = f"  {_cell(section.badge)}" if section.badge is not None else ""
+        badge = ("  ", _cell(section.badge)) if section.badge is not None else ()
         if self.has_begun:
             self._screen.say("")
         self.has_begun = True
-        self._screen.say(f"[bold]{plain(section.title)}[/]{badge}", indent=indent)
+        self._screen.say((section.title, "bold"), *badge, indent=indent)
 
     def blocks(self, blocks: Iterable[Block], indent: int) -> None:
         """Show blocks."""
@@ -105,7 +106,7 @@ class _Shown:
                     self.heading(block, indent)
                     self.blocks(block.blocks, indent + INDENT)
                 case Details():
-                    self._screen.say(f"[dim]{plain(block.summary)}[/]", indent=indent)
+                    self._screen.say((block.summary, "dim"), indent=indent)
                     self.blocks(block.blocks, indent + INDENT)
                 case str() | Badge() | Note() | Bullets():
                     for line in _sentences(block):
@@ -118,25 +119,25 @@ class _Shown:
         match block:
             case Table():
                 if self._whole:
-                    screen.say(f"[dim]{plain(block.caption)}[/]", indent=indent)
+                    screen.say((block.caption, "dim"), indent=indent)
                 screen.show(_table(block, width), indent=indent)
             case KeyValues():
-                rows = [(name, printable(text_of(cell))) for name, cell in block.items]
+                rows = [(name, text_of(cell)) for name, cell in block.items]
                 screen.show(facts(rows, width), indent=indent)
             case Code():
                 for line in block.text.splitlines():
                     screen.verbatim(f"{' ' * (indent + INDENT)}{printable(line)}", style="dim")
 
 
-def _sentences(block: str | Badge | Note | Bullets) -> Iterator[str]:
-    """The lines of a block in rich's markup."""
+def _sentences(block: str | Badge | Note | Bullets) -> Iterator[Words]:
+    """The lines of a block."""
     match block:
         case Note():
-            yield f"[{STYLES[block.tone].removeprefix('bold ')}]{plain(block.text)}[/]"
+            yield block.text, STYLES[block.tone].removeprefix("bold ")
             if block.action is not None:
-                yield f"[bold]→ {plain(block.action)}[/]"
+                yield f"→ {block.action}", "bold"
         case Bullets():
-            yield from (f"- {_cell(item)}" for item in block.items[:MOST_ITEMS])
+            yield from (f"- {text_of(item)}" for item in block.items[:MOST_ITEMS])
             if (more := len(block.items) - MOST_ITEMS) > 0:
                 yield f"- … and {more} more"
         case _:
@@ -156,7 +157,7 @@ def _table(table: Table, width: int) -> list[Text]:
     ]
     rows = [
         [
-            f"{one.below}{_cell(cell)}" if one.below and cell else _cell(cell)
+            f"{one.below}{text_of(cell)}" if one.below and cell else _cell(cell)
             for one, cell in zip(table.columns, row, strict=True)
         ]
         for row in table.rows
@@ -164,7 +165,7 @@ def _table(table: Table, width: int) -> list[Text]:
     return fitted(columns, rows, width)
 
 
-def _cell(cell: Cell) -> str:
+def _cell(cell: Cell) -> Words:
     if isinstance(cell, Badge):
-        return f"[{STYLES[cell.tone]}]{plain(cell.text)}[/]"
-    return plain(text_of(cell))
+        return cell.text, STYLES[cell.tone]
+    return text_of(cell)

@@ -68,7 +68,7 @@ def test_a_proposal_is_approved_beside_what_it_replaces(tab: Open, fleet: Path) 
     assert one.page.locator("svg.plot").count() >= 1
     said = decide(one, "Approve", "Why, for", "measured again")
     assert "Approve proposals/dji/fc6310r/5472x3648+f8.8: done" in said
-    assert "nothing waits" in said
+    assert "Nothing waits." in said
     assert fx(fleet) == PROPOSED
     assert git(fleet, "log", "-1", "--format=%an <%ae> %B").startswith("Ada Keeper <ada@example.com> Approve")
     assert "measured again" in git(fleet, "log", "-1", "--format=%B")
@@ -108,7 +108,7 @@ def test_of_two_browsers_one_decides_and_the_other_is_told(tab: Open, fleet: Pat
 
 def test_a_rejected_proposal_stays_in_the_history(tab: Open, fleet: Path) -> None:
     said = decide(opened(tab), "Reject", "Why not", "-- the board was bent")
-    assert "nothing waits" in said
+    assert "Nothing waits." in said
     assert fx(fleet) == USED
     assert "the board was bent" in git(fleet, "log", "-1", "--format=%B")
 

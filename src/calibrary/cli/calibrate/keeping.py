@@ -158,16 +158,15 @@ def keep(
 
 def _show_entries(screen: Screen, entries: Sequence[ChangedEntry]) -> None:
     """Show each entry compared with the present one; all of a new one is shown already."""
-    from calibrary.cli.console import plain
     from calibrary.cli.registry.changes import show_changes
 
     for one in entries:
         if not one.is_new:
             show_changes(screen, [one])
             continue
-        screen.say(f"{plain(one.id)}  new")
+        screen.say(f"{one.id}  new")
         for warning in one.warnings:
-            screen.say(f"  note: {plain(warning)}")
+            screen.say(f"  note: {warning}")
 
 
 def _terms(terms: Terms | None = None) -> Terms:

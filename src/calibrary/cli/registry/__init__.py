@@ -88,9 +88,9 @@ class OfRegistry(Shown):
         fleet = opened(arguments)
         done = super().done(arguments, job or getattr(fleet, self.job.__name__))
         if self._used is not None and (sentence := fleet.waiting(self._used(done))) is not None:
-            from calibrary.cli.console import note, plain
+            from calibrary.cli.console import note
 
-            note(arguments).say(f"[yellow]note[/] {plain(sentence)}")
+            note(arguments).say(("note", "yellow"), f" {sentence}")
         return done
 
 
@@ -115,7 +115,7 @@ def entries(count: int) -> str:
 
 def note_cut(arguments: argparse.Namespace, registry: Fleet) -> None:
     """Report on standard error if the history is incomplete."""
-    from calibrary.cli.console import note, plain
+    from calibrary.cli.console import note
 
     if registry.cut is not None:
-        note(arguments).say(plain(registry.cut))
+        note(arguments).say(registry.cut)

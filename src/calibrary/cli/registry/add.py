@@ -42,13 +42,13 @@ none could be added). A second run changes nothing. ./catalogue is a file or fol
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary.cli.console import note, plain
+    from calibrary.cli.console import note
 
     remarks = note(arguments)
     registry, is_new = Fleet.named_or_new(arguments.registry)
     if is_new:
         text = f"no registry was named and none was found here, so your own was created: {registry.place}"
-        remarks.say(plain(text))
+        remarks.say(text)
     if Path(arguments.source).is_dir():
         with Bar(remarks, "reading") as bar:
             change = call(registry.propose, arguments, progress=bar)
@@ -57,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
     verb = "approved" if arguments.approve else "proposed"
     code = decide(arguments, change, verb, is_agreed=_is_agreed, remedy=_remedy(arguments, change))
     if change.written is not None and not arguments.approve:
-        remarks.say(plain(_next(arguments, change)))
+        remarks.say(_next(arguments, change))
     return code
 
 

@@ -44,7 +44,7 @@ RULES = "registry.yaml"
 
 def _approve_rules(arguments: argparse.Namespace) -> int:
     """Put in force what registry.yaml asks for, once somebody has looked at it."""
-    from calibrary.cli.console import errors, plain
+    from calibrary.cli.console import errors
 
     if len(arguments.keys) > 1:
         arguments.parser.error(f"{RULES} is approved alone, without entries")
@@ -52,7 +52,7 @@ def _approve_rules(arguments: argparse.Namespace) -> int:
     (asked, oid), (now, _) = fleet.rules()
     screen = screen_of_change(arguments)
     for line in ("in force:", *now.splitlines(), "registry.yaml asks for:", *asked.splitlines()):
-        screen.say(plain(line))
+        screen.say(line)
     digest = arguments.digests[0] if arguments.digests else oid
     if not arguments.digests:
         if not (arguments.yes or can_ask()):
@@ -66,7 +66,7 @@ def _approve_rules(arguments: argparse.Namespace) -> int:
     done = fleet.approve_rules(digest, arguments.reason)
     screen.say(f"approved in commit {(done.commit or '')[:12]}")
     for warning in done.warnings:
-        errors().say(f"[yellow]note[/] {plain(warning)}")
+        errors().say(("note", "yellow"), f" {warning}")
     if arguments.json:
         print_json(done)
     return 0

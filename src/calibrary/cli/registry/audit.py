@@ -39,8 +39,9 @@ class _Audit(OfRegistry):
         # Without pycolmap the audit ends with one line that names the extra, and must announce nothing before it.
         if arguments.verify and find_spec("pycolmap") is not None:
             note(arguments).say(
-                "[dim]--verify: one flight of each unit and date, a dozen images and about a minute each, "
-                f"at most {arguments.verify_minutes or 15:g} min[/]"
+                "--verify: one flight of each unit and date, a dozen images and about a minute each, "
+                f"at most {arguments.verify_minutes or 15:g} min",
+                style="dim",
             )
 
     def show(self, done: AuditReport, arguments: argparse.Namespace, **_: Any) -> None:

@@ -50,12 +50,12 @@ def decide(
     Returns:
         The exit code: 1 if the check reports an error, 3 if there were sources and none could be added.
     """
-    from calibrary.cli.console import errors, note, plain
+    from calibrary.cli.console import errors, note
 
     screen, proposals, found = screen_of_change(arguments), change.proposals, change.report
     _show(screen, change, as_table=as_table)
     for remark in found.remarks:
-        note(arguments).say(plain(remark))
+        note(arguments).say(remark)
     wrong = bool(proposals.errors or found.problems)
     if wrong:
         errors().say(f"nothing was written: {remedy}")
@@ -77,7 +77,7 @@ def decide(
 
 def _show(screen: Screen, change: ProposedChange, *, as_table: bool) -> None:
     """Show what would change, and what is wrong with it."""
-    from calibrary.cli.console import errors, plain
+    from calibrary.cli.console import errors
 
     found = change.report
     if found.sources:
@@ -88,7 +88,7 @@ def _show(screen: Screen, change: ProposedChange, *, as_table: bool) -> None:
     show_findings(screen, found.findings)
     for one in found.problems:
         place = f"line {one.line}" if one.line else "registry"
-        errors().say(f"[red]{place}[/] {plain(one.entry)}: {plain(one.message)}")
+        errors().say((place, "red"), f" {one.entry}: {one.message}")
 
 
 def _write(screen: Screen, change: ProposedChange, verb: str) -> None:
@@ -131,29 +131,25 @@ def agreed(arguments: argparse.Namespace, question: str) -> bool:
 
 def _show_sources(screen: Screen, sources: Sequence[AddedSource]) -> None:
     """Show what becomes of each source in one line, and their number by fate."""
-    from calibrary.cli.console import plain
-
     for one in sources:
         if one.fate.value == "same" and one.reason is None:
             continue
         named = f" → {one.entry}" if one.entry is not None else ""
         why = f": {one.reason}" if one.reason is not None else ""
-        screen.say(f"[{FATES[one.fate.value]}]{one.fate.value:8}[/]{plain(f'{one.source}{named}{why}')}")
+        screen.say((f"{one.fate.value:8}", FATES[one.fate.value]), f"{one.source}{named}{why}")
     counts = Counter(one.fate.value for one in sources)
     screen.say(", ".join(f"{counts[fate]} {fate}" for fate in FATES if counts[fate]))
 
 
 def show_changes(screen: Screen, entries: Iterable[ChangedEntry]) -> None:
     """Show each entry with its fields, old and new."""
-    from calibrary.cli.console import plain
-
     for one in entries:
         what = "is there already, word for word" if not one.changes else "new" if one.is_new else "changed"
-        screen.say(f"[bold]{plain(one.id)}[/]  {what}")
+        screen.say((one.id, "bold"), f"  {what}")
         if one.changes:
             screen.show(change_table(one.changes, screen.width - 2, only_after=one.is_new), indent=2)
         for warning in one.warnings:
-            screen.say(f"  [yellow]note[/] {plain(warning)}")
+            screen.say("  ", ("note", "yellow"), f" {warning}")
 
 
 EDITED = (
@@ -166,14 +162,12 @@ EDITED = (
 
 def _show_edits(screen: Screen, entries: Sequence[ChangedEntry]) -> None:
     """Show changed fields of many entries, one row each."""
-    from calibrary.cli.console import plain
-
     rows = [
         (
-            plain(one.id),
+            one.id,
             change.name,
-            plain(field_text(change.before)),
-            plain(field_text(change.after)),
+            field_text(change.before),
+            field_text(change.after),
         )
         for one in entries
         for change in one.changes
@@ -182,7 +176,7 @@ def _show_edits(screen: Screen, entries: Sequence[ChangedEntry]) -> None:
         screen.show(fitted(EDITED, rows, screen.width))
     for one in entries:
         for warning in one.warnings:
-            screen.say(f"[yellow]note[/] {plain(one.id)}: {plain(warning)}")
+            screen.say(("note", "yellow"), f" {one.id}: {warning}")
 
 
 CHANGED = (
@@ -196,16 +190,14 @@ CHANGED = (
 
 def change_table(changes: Sequence[FieldChange], width: int, *, only_after: bool = False) -> list[Text]:
     """Table of the fields that differ, one row each, with Δ and, if both sides have a standard deviation, Δ/σ."""
-    from calibrary.cli.console import plain
-
     if only_after:
-        new = [(plain(change.name), plain(field_text(change.after))) for change in changes]
+        new = [(change.name, field_text(change.after)) for change in changes]
         return fitted((CHANGED[0], CHANGED[2]), new, width, header=False)
     rows = [
         (
-            plain(change.name),
-            plain(field_text(change.before)),
-            plain(field_text(change.after)),
+            change.name,
+            field_text(change.before),
+            field_text(change.after),
             f"{change.delta:+.6g}" if change.delta is not None else "",
             f"{change.z:+.1f}" if change.z is not None else "",
         )
@@ -216,50 +208,44 @@ def change_table(changes: Sequence[FieldChange], width: int, *, only_after: bool
 
 def _show_differences(screen: Screen, change: ProposedChange) -> None:
     """Show the effect of each change of a K, in pixels and on the ground."""
-    from calibrary.cli.console import plain
     from calibrary.jobs.diff.wording import length, percent, pixels
 
     names = {one.path: one.id for one in change.report.entries}
     for path, found in change.comparisons.items():
         id_, numbers = names[path], found.numbers
         if numbers is None:
-            screen.say(f"{plain(id_)}: {plain('; '.join(found.reasons))}")
+            screen.say(f"{id_}: {'; '.join(found.reasons)}")
             continue
         seen, ground = numbers.projection, numbers.ground
         screen.say(
-            f"[bold]{plain(id_)}[/]  {found.verdict.value}: {pixels(seen.rms_px)} rms, {pixels(seen.max_px)} at most "
+            (id_, "bold"),
+            f"  {found.verdict.value}: {pixels(seen.rms_px)} rms, {pixels(seen.max_px)} at most "
             f"over the frame; image scale {percent(numbers.scale_change)}; from {ground.altitude_m:g} m "
-            f"{length(ground.max_cm / 100)} on the ground, heights {length(ground.height_cm / 100, signed=True)}"
+            f"{length(ground.max_cm / 100)} on the ground, heights {length(ground.height_cm / 100, signed=True)}",
         )
 
 
 def show_findings(screen: Screen, findings: Sequence[Finding]) -> None:
     """Show the findings of the check, one line each."""
-    from calibrary.cli.console import plain
-
     for finding in findings:
         style = "red" if finding.severity.value == "error" else "yellow"
-        said = plain(str(finding))
-        screen.say(f"[{style}]{finding.severity.value}[/] {said}")
+        screen.say((finding.severity.value, style), f" {finding}")
 
 
 def _show_conflict(screen: Screen, error: ConflictError) -> None:
     """Show, field by field, what another writer has changed in the meantime and what was to be written."""
-    from calibrary.cli.console import plain
     from calibrary.jobs.fleet.changes import conflict_changes
 
     for path, changes in conflict_changes(error).items():
-        screen.say(f"[bold]{plain(path)}[/]  theirs, and what was to be written")
+        screen.say((path, "bold"), "  theirs, and what was to be written")
         screen.show(change_table(changes, screen.width - 2), indent=2)
 
 
 def show_written(screen: Screen, written: ChangeReport, verb: str, number: int) -> None:
     """Show the commit in one line, and each warning."""
-    from calibrary.cli.console import plain
-
     screen.say(f"{verb} {entries(number)} in commit {(written.commit or '')[:12]}")
     for warning in written.warnings:
-        screen.say(f"[yellow]note[/] {plain(warning)}")
+        screen.say(("note", "yellow"), f" {warning}")
 
 
 def field_text(value: Field) -> str:

@@ -25,18 +25,18 @@ exit code 0: no error, possibly warnings; 1: at least one error.
 class _Check(OfRegistry):
     def show(self, done: CheckDocument, arguments: argparse.Namespace, **_: Any) -> None:
         """Show each finding in a line that begins with its place, as compilers do."""
-        from calibrary.cli.console import out, plain
+        from calibrary.cli.console import out
 
         screen, styles = out(arguments), {"error": "bold red", "warning": "yellow"}
         for finding in done.findings:
             said = f"{finding.message}; {finding.remedy}" if finding.remedy else finding.message
-            severity = f"[{styles.get(finding.severity.value, '')}]{finding.severity.value}[/]"
-            screen.say(f"{plain(finding.place or '')}: {severity}: {plain(said)} [dim]({finding.rule})[/]")
+            severity = (finding.severity.value, styles.get(finding.severity.value, ""))
+            screen.say(f"{finding.place or ''}: ", severity, f": {said} ", (f"({finding.rule})", "dim"))
         errors = len(done.errors)
         warnings = len(done.findings) - errors
         counts = f"{errors} error{'s' * (errors != 1)}, {warnings} warning{'s' * (warnings != 1)}"
-        verdict = "[bold green]good[/]" if done.is_good else "[bold red]bad[/]"
-        screen.say(f"{verdict}: {plain(done.what)}: {counts}")
+        verdict = ("good", "bold green") if done.is_good else ("bad", "bold red")
+        screen.say(verdict, f": {done.what}: {counts}")
 
 
 COMMAND = _Check(

@@ -29,17 +29,17 @@ commit, and does not change one with commits.
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary.cli.console import note, out, plain
+    from calibrary.cli.console import note, out
 
     made = call(create_registry, arguments)
     screen, remarks = out(arguments), note(arguments)
     for line in _said(made):
-        screen.say(plain(line))
+        screen.say(line)
     if arguments.json:
         print_json(made)
     else:
         where = "" if made.place == Path.cwd() else f" --registry {made.place}"
-        remarks.say(plain(f"next: calibrary registry add FILE{where}"))
+        remarks.say(f"next: calibrary registry add FILE{where}")
     return 0
 
 

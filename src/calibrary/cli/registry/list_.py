@@ -10,6 +10,7 @@ from calibrary.cli.commands import Parser, check_table_flag, print_json, write_t
 from calibrary.cli.flags import call
 from calibrary.cli.registry import OfRegistry, opened
 from calibrary.cli.tables import Column, single_lines
+from calibrary.cli.words import Words
 from calibrary.jobs.fleet import Fleet
 from calibrary.jobs.tables import entries
 
@@ -59,7 +60,7 @@ class _ListParser(Parser):
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary.cli.console import errors, note, out, plain
+    from calibrary.cli.console import errors, note, out
 
     check_table_flag(arguments)
     found = call(opened(arguments).listing, arguments)
@@ -74,9 +75,9 @@ def run(arguments: argparse.Namespace) -> int:
             "waits on branches"
         )
     for text in found.notes:
-        errors().say(f"[yellow]note[/] {plain(text)}")
+        errors().say(("note", "yellow"), f" {text}")
     for error in found.unreadable:
-        errors().say(f"[red]not listed[/] {plain(str(error))}")
+        errors().say(("not listed", "red"), f" {error}")
     return EXIT_UNREADABLE if found.unreadable else 0
 
 
@@ -96,35 +97,33 @@ STYLES = {"approved": "green", "draft": "yellow", "retired": "dim"}
 
 
 def _show(screen: Screen, remarks: Screen, found: EntryListing) -> None:
-    from calibrary.cli.console import plain
-
+    rows: list[tuple[Words, ...]]
     if found.columns is not None:
         columns = tuple(Column(name=field.rpartition(".")[2]) for field in found.columns)
-        rows = [tuple(plain(_text(row.get(field))) for field in found.columns) for row in found.chosen.rows]
+        rows = [tuple(_text(row.get(field)) for field in found.columns) for row in found.chosen.rows]
     else:
         columns = COLUMNS
         rows = [*_rows(found)]
     lines, left_out = single_lines(columns, rows, screen.width, styled=screen.is_terminal)
     screen.show(lines)
     if left_out and remarks.is_terminal:
-        remarks.say(f"[dim]left out in this width: {', '.join(left_out)}; --columns chooses others[/]")
+        remarks.say((f"left out in this width: {', '.join(left_out)}; --columns chooses others", "dim"))
 
 
-def _rows(found: EntryListing) -> Iterator[tuple[str, ...]]:
-    from calibrary.cli.console import plain
+def _rows(found: EntryListing) -> Iterator[tuple[Words, ...]]:
 
     for row, short in zip(found.chosen.rows, found.short_ids(), strict=True):
         status, tags = str(row["status"]), row.get("tags")
         state = "proposed" if row["proposed"] else status
         state += ", proposal pending" if "proposal" in row else ""
         yield (
-            plain(str(row.get("label", ""))),
-            plain(short),
-            f"[{STYLES[status]}]{state}[/]",
+            str(row.get("label", "")),
+            short,
+            (state, STYLES[status]),
             f"{row['intrinsics.fx']:.2f}",
             str(row["grade"]),
-            plain(str(row.get("provenance.date", ""))[:10]),
-            plain(" ".join(tags)) if isinstance(tags, tuple) else "",
+            str(row.get("provenance.date", ""))[:10],
+            " ".join(tags) if isinstance(tags, tuple) else "",
             str(row.get("distortion.model", "unknown")),
             f"{row['intrinsics.cx']:.2f}",
             f"{row['intrinsics.cy']:.2f}",

@@ -23,10 +23,10 @@ has lost that commit, and a plain folder in which a pinned entry has changed.
 
 class _Lock(OfRegistry):
     def exit_code(self, done: Any, arguments: argparse.Namespace) -> int:
-        from calibrary.cli.console import note, plain
+        from calibrary.cli.console import note
 
         for sentence in done.unanswered:
-            note(arguments).say(f"[yellow]note[/] {plain(sentence)}")
+            note(arguments).say(("note", "yellow"), f" {sentence}")
         return 0
 
 

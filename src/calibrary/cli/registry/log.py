@@ -66,7 +66,6 @@ OF_ALL = (
 
 
 def _of_one(revisions: Sequence[LoggedRevision], width: int) -> list[Text]:
-    from calibrary.cli.console import plain
 
     rows = []
     for one in revisions:
@@ -82,9 +81,9 @@ def _of_one(revisions: Sequence[LoggedRevision], width: int) -> list[Text]:
                     for name in ("fx", "fy", "cx", "cy")
                 ),
                 one.grade.value if one.grade is not None else "",
-                plain(one.firmware or ""),
+                one.firmware or "",
                 by,
-                plain(one.reason or _without_names(one)),
+                one.reason or _without_names(one),
             )
         )
     return fitted(OF_ONE, rows, width)
@@ -99,25 +98,23 @@ def _without_names(one: LoggedRevision) -> str:
 
 
 def _of_all(revisions: Sequence[LoggedRevision], width: int) -> list[Text]:
-    from calibrary.cli.console import plain
 
     rows = []
     for one in revisions:
         more = f" and {len(one.cameras) - 3} more" if len(one.cameras) > 3 else ""
         cameras = ", ".join(one.cameras[:3]) + more
-        rows.append((*_commit(one), plain(one.subject), plain(cameras), plain(one.reason or "")))
+        rows.append((*_commit(one), one.subject, cameras, one.reason or ""))
     return fitted(OF_ALL, rows, width)
 
 
 def _commit(one: LoggedRevision) -> tuple[str, str, str]:
-    from calibrary.cli.console import plain
 
-    return one.commit[:10], f"{one.date:%Y-%m-%d %H:%M}", plain(one.author)
+    return one.commit[:10], f"{one.date:%Y-%m-%d %H:%M}", one.author
 
 
 def _number(value: float, delta: float | None) -> str:
     text = f"{value:.2f}"
-    return f"{text} [dim]({delta:+.2f})[/]" if delta else text
+    return f"{text} ({delta:+.2f})" if delta else text
 
 
 COMMAND = OfRegistry(

@@ -49,10 +49,10 @@ def answered(
     arguments: argparse.Namespace, found: FleetAnswer, say: Callable[[Screen, FleetAnswer], None]
 ) -> int:
     """Print an answer, and on standard error what to know of it and to do about it; returns the exit code."""
-    from calibrary.cli.console import errors, out, plain
+    from calibrary.cli.console import errors, out
 
     for warning in (*found.warnings, *found.disagreements):
-        errors().say(f"[yellow]warning[/] {plain(warning)}")
+        errors().say(("warning", "yellow"), f" {warning}")
     if arguments.json:
         print_json(found)
     elif found.path is not None:
@@ -61,21 +61,18 @@ def answered(
         _show_none(errors(), found)
         return EXIT_NONE
     if found.calibration is None:
-        errors().say(plain(f"calibrary: this K may not be used: {found.use_reason}"))
+        errors().say(f"calibrary: this K may not be used: {found.use_reason}")
     for one in found.possible:
-        errors().say(
-            plain(f"  possible: {numbers(one.intrinsics)}  {'; '.join(one.steps) or 'of this size'}")
-        )
+        errors().say(f"  possible: {numbers(one.intrinsics)}  {'; '.join(one.steps) or 'of this size'}")
     if found.remedy is not None:
-        errors().say(plain(f"  to do: {found.remedy}"))
+        errors().say(f"  to do: {found.remedy}")
     return 0 if found.calibration is not None else EXIT_NOT_TO_USE
 
 
 def _say(screen: Screen, found: FleetAnswer) -> None:
-    from calibrary.cli.console import printable
 
     K = f"  {numbers(found.calibration.intrinsics)}" if found.calibration is not None else ""
-    screen.show([printable(f"{found.use}  {found.path}{K}")])
+    screen.show([f"{found.use}  {found.path}{K}"])
 
 
 def numbers(K: Intrinsics) -> str:
@@ -85,18 +82,15 @@ def numbers(K: Intrinsics) -> str:
 
 
 def _show_none(screen: Screen, found: FleetAnswer) -> None:
-    from calibrary.cli.console import plain
 
     todo = (
         "'calibrary registry approve KEY' puts a draft to use; flags say what the image does not"
         if found.near
         else "the registry has no entry of this make and model; 'calibrary registry add FILE' puts one in"
     )
-    screen.say(
-        plain(f"calibrary: no approved entry applies to {found.camera}, known by {found.known_by}; {todo}")
-    )
+    screen.say(f"calibrary: no approved entry applies to {found.camera}, known by {found.known_by}; {todo}")
     for item in found.near:
-        screen.say(plain(f"  near: {item.path}: {item.reason}"))
+        screen.say(f"  near: {item.path}: {item.reason}")
 
 
 COMMAND = Shown(

@@ -82,10 +82,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _written(arguments: argparse.Namespace, registry: Fleet) -> int:
-    from calibrary.cli.console import note, plain
+    from calibrary.cli.console import note
 
     count = call(registry.write_table, arguments)
-    note(arguments).say(f"wrote {entries(count)} to {plain(str(arguments.out))}")
+    note(arguments).say(f"wrote {entries(count)} to {arguments.out!s}")
     return 0
 
 

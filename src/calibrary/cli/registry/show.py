@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from calibrary.calibration import Calibration
     from calibrary.cli.console import Screen
+    from calibrary.cli.words import Words
     from calibrary.jobs.fleet import Approval, FieldChange, Recorded, ShownEntry
     from calibrary.jobs.resolve.run import FleetAnswer, UsedEntry
 
@@ -56,7 +57,7 @@ def _show_of_image(arguments: argparse.Namespace) -> int:
 
 
 def _show(arguments: argparse.Namespace) -> int:
-    from calibrary.cli.console import out, plain
+    from calibrary.cli.console import out
     from calibrary.cli.registry.changes import change_table
 
     registry = opened(arguments)
@@ -70,24 +71,23 @@ def _show(arguments: argparse.Namespace) -> int:
         note_cut(arguments, registry)
     else:
         screen = out(arguments)
-        screen.say(_summary(plain(arguments.key), plain(shown.against), shown.changes))
+        screen.say(*_summary(arguments.key, shown.against, shown.changes))
         if shown.changes:
             screen.show(change_table(shown.changes, screen.width))
     return 0
 
 
-def _summary(key: str, against: str, changes: tuple[FieldChange, ...]) -> str:
+def _summary(key: str, against: str, changes: tuple[FieldChange, ...]) -> tuple[Words, ...]:
     if not changes:
-        return f"{key} says what {against} said"
-    return f"[bold]{key}[/] against {against}"
+        return (f"{key} says what {against} said",)
+    return (key, "bold"), f" against {against}"
 
 
 def _describe(screen: Screen, shown: ShownEntry) -> None:
-    from calibrary.cli.console import plain, printable
     from calibrary.cli.tables import facts
 
     label = f"{shown.label}  " if shown.label is not None else ""
-    screen.say(f"[bold]{plain(label + shown.id)}[/]")
+    screen.say((label + shown.id, "bold"))
     place = [
         ("file", shown.path),
         ("digest of the file", (shown.blob or "")[:12]),
@@ -97,11 +97,10 @@ def _describe(screen: Screen, shown: ShownEntry) -> None:
     if shown.remark is not None:
         place.append(("not in force", shown.remark))
     rows = [*shown.rows(), *place, *_recorded(shown.recorded), *approval_rows(shown.approved)]
-    screen.show(facts([(name, printable(value)) for name, value in rows], screen.width))
+    screen.show(facts([(name, value) for name, value in rows], screen.width))
 
 
 def _tell(screen: Screen, found: FleetAnswer) -> None:
-    from calibrary.cli.console import printable
     from calibrary.cli.tables import facts
 
     entry, path, why = found.entry, found.path or "", found.why or ""
@@ -116,8 +115,8 @@ def _tell(screen: Screen, found: FleetAnswer) -> None:
         ("use", f"{found.use}: {found.use_reason}"),
         *(_story(entry) if entry is not None else ()),
     ]
-    near = [("near", printable(f"{item.path}: {item.reason}")) for item in found.near]
-    shown = [(name, printable(value)) for name, value in rows if value]
+    near = [("near", f"{item.path}: {item.reason}") for item in found.near]
+    shown = [(name, value) for name, value in rows if value]
     screen.show(facts([*shown, *near], screen.width))
 
 

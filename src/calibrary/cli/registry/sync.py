@@ -39,14 +39,16 @@ those that came stay, and the command says why (exit code 4).
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from calibrary.cli.console import note, out, plain
+    from calibrary.cli.console import note, out
 
     remarks, registry = note(arguments), opened(arguments)
 
     def told(text: str) -> None:
-        remarks.say(plain(text))
+        remarks.say(text)
 
-    with remarks.status(f"syncing with {plain(arguments.remote or 'origin')}"):
+    from rich.markup import escape
+
+    with remarks.status(escape(f"syncing with {arguments.remote or 'origin'}")):
         done = call(registry.sync, arguments, told=told)
     if done.branch is None:
         _show_pulled(out(arguments), done)
@@ -60,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _show_pulled(screen: Screen, done: SyncReport) -> None:
     """Show what came from the remote, or the conflicts."""
-    from calibrary.cli.console import errors, plain
+    from calibrary.cli.console import errors
 
     if done.conflicts:
         _show_conflicts(errors(), done)
@@ -75,46 +77,42 @@ def _show_pulled(screen: Screen, done: SyncReport) -> None:
             done.replayed, f", {done.replayed} commits of ours made again on top"
         )
         line = f"at {(done.commit or '')[:12]} now{again}"
-    screen.say(plain(line))
+    screen.say(line)
     for warning in done.warnings:
-        screen.say(f"[yellow]note[/] {plain(warning)}")
+        screen.say(("note", "yellow"), f" {warning}")
 
 
 def _show_sent(screen: Screen, done: SyncReport) -> None:
     """Show that both sides are the same, or why the remote got nothing."""
-    from calibrary.cli.console import errors, plain
+    from calibrary.cli.console import errors
 
     if done.unpushed is not None:
-        errors().say(f"[red]not sent[/]: {plain(done.unpushed)}")
+        errors().say(("not sent", "red"), f": {done.unpushed}")
     elif done.is_good:
-        screen.say(plain(f"{done.remote} and this registry are at {(done.commit or '')[:12]}"))
+        screen.say(f"{done.remote} and this registry are at {(done.commit or '')[:12]}")
 
 
 def _show_proposed(screen: Screen, done: SyncReport) -> None:
     """Show the remote's branch with the commits, and where it is reviewed."""
-    from calibrary.cli.console import plain
-
     back = "; yours is at theirs again" if done.theirs is not None else ""
-    screen.say(plain(f"branch {done.branch} of {done.remote} has your commits{back}"))
+    screen.say(f"branch {done.branch} of {done.remote} has your commits{back}")
     where_to = done.address or f"open it for review on the host of {done.remote}"
-    screen.say(plain(f"next: {where_to}"))
+    screen.say(f"next: {where_to}")
     for warning in done.warnings:
-        screen.say(f"[yellow]note[/] {plain(warning)}")
+        screen.say(("note", "yellow"), f" {warning}")
 
 
 def _show_withdrawn(screen: Screen, done: SyncReport) -> None:
-    from calibrary.cli.console import plain
 
-    screen.say(plain(f"calibrary: {done.remote} was rewritten; nothing was changed here. It no longer has"))
+    screen.say(f"calibrary: {done.remote} was rewritten; nothing was changed here. It no longer has")
     for one in done.withdrawn:
-        screen.say(plain(f"  {one.commit[:12]} {one.subject}"))
+        screen.say(f"  {one.commit[:12]} {one.subject}")
     screen.say(
         "calibrary registry sync --removed drop gives them up here too, --removed keep makes them again"
     )
 
 
 def _show_conflicts(screen: Screen, done: SyncReport) -> None:
-    from calibrary.cli.console import plain
 
     count = len(done.conflicts)
     what = "an entry was" if count == 1 else f"{count} entries were"
@@ -124,7 +122,7 @@ def _show_conflicts(screen: Screen, done: SyncReport) -> None:
     keys = " ".join(f"--theirs {conflict.id}" for conflict in done.conflicts[:2])
     more = " …" if count > 2 else ""
     again = f"calibrary registry sync {keys}{more}"
-    screen.say(plain(f"decide for each which is right: {again}, or --ours KEY to keep yours"))
+    screen.say(f"decide for each which is right: {again}, or --ours KEY to keep yours")
 
 
 COLUMNS = (
@@ -136,16 +134,15 @@ COLUMNS = (
 
 
 def _show_conflict(screen: Screen, conflict: EntryConflict) -> None:
-    from calibrary.cli.console import plain
 
-    screen.say(f"[bold]{plain(conflict.path)}[/]")
+    screen.say((conflict.path, "bold"))
     if conflict.removed is not None:
         other = "theirs" if conflict.removed == "ours" else "ours"
         sides = {conflict.removed: "removed", other: "changed"}
         screen.say(f"  ours {sides['ours']} it, theirs {sides['theirs']} it")
         return
     rows = [
-        (plain(one.name), *(plain(field_text(value)) for value in (one.base, one.ours, one.theirs)))
+        (one.name, *(field_text(value) for value in (one.base, one.ours, one.theirs)))
         for one in conflict.fields
     ]
     screen.show(fitted(COLUMNS, rows, screen.width - 2), indent=2)

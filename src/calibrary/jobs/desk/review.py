@@ -72,7 +72,11 @@ def queue(fleet: Fleet, said: Sequence[Section] = ()) -> View:
         view,
         title="Review",
         lead=f"{view.lead}{at}.",
-        sections=(*said, *view.sections, Section(title="With others", blocks=(text, sync))),
+        sections=(
+            *said,
+            *(view.sections or (Section(title="Matters", blocks=("Nothing waits.",)),)),
+            Section(title="With others", blocks=(text, sync)),
+        ),
     )
 
 
