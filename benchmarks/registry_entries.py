@@ -163,7 +163,7 @@ def files_of(folder: Path, entries: int) -> Path:
 
 
 def commands(place: Path, entries: int, repeats: int) -> None:
-    """Whole commands: the first list of a fresh clone, and what follows, with the index known from before."""
+    """Whole commands: the first list of a fresh clone, and what follows, with the cache known from before."""
     key, path = key_of(entries // 2), entry(entries // 2).path
     cache, model = Path(os.environ["XDG_CACHE_HOME"]), str(key.model)
     files, table = files_of(place.parent, entries), table_of(place.parent, entries)

@@ -16,26 +16,23 @@ from calibrary.errors import InputError, RegistryError
 from calibrary.policy import Policy
 from calibrary.records import Meta, Record, replace
 from calibrary.registry.configuration import UNPROVEN, Configuration, configuration_at
+from calibrary.registry.contents import (
+    ALIAS,
+    FOLDERS,
+    LABEL,
+    SUPERSEDES,
+    Contents,
+    alias_folder,
+    parsed_or_error,
+    stated_names,
+)
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_checks import Checked, Judge, check, check_order, finding_of, in_order
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.history import changed, commit_at, not_files, parse_rev
 from calibrary.registry.git.objects import ObjectId, blob_id
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.index import (
-    ALIAS,
-    CHECKED,
-    LABEL,
-    SUPERSEDES,
-    Index,
-    alias_folder,
-    index_at,
-    parsed_or_error,
-    stated_names,
-)
 from calibrary.registry.paths import (
-    CAMERAS,
-    PROPOSALS,
     ROOT,
     STATEMENTS,
     SUFFIX,
@@ -114,6 +111,7 @@ BLOCK: Final = 200
 """Number of entries that are read together and in memory."""
 
 Progress = Callable[[int, int], None]
+_CHECKED: Final = msgspec.msgpack.Decoder(Checked)
 
 
 class EntryFiles(Mapping[str, bytes]):
@@ -128,10 +126,10 @@ class EntryFiles(Mapping[str, bytes]):
         paths: Collection[str],
         read: Callable[[Sequence[str]], Iterable[bytes]],
         progress: Progress | None = None,
-        index: Index | None = None,
+        contents: Contents | None = None,
     ) -> None:
         self.unreadable: dict[str, str] = {}
-        self._index = index
+        self._parsed = contents.parsed if contents is not None else None
         self._entries: Mapping[str, Entry | InputError] | None = None
         self._order = sorted(paths, key=check_order)
         self._known = frozenset(paths)
@@ -169,7 +167,7 @@ class EntryFiles(Mapping[str, bytes]):
         """
         if self._entries is None:
             block = ((blob_id(data), path, data) for path, data in self._block.items())
-            self._entries = dict(self._index.parsed(block)) if self._index is not None else {}
+            self._entries = dict(self._parsed(block)) if self._parsed is not None else {}
         found = self._entries.get(path) if self._block.get(path) == data else None
         if isinstance(found, InputError):
             raise found
@@ -212,9 +210,6 @@ def _of_strays(paths: Iterable[str]) -> Iterator[Finding]:
         )
 
 
-FOLDERS: Final = (CAMERAS, PROPOSALS)
-
-
 def check_all(
     snapshot: Snapshot,
     policy: Policy | None = None,
@@ -237,17 +232,15 @@ def check_all(
         return check_work_tree(snapshot, policy, judge, progress=progress)
     oids = {**snapshot.paths, **snapshot.proposed}
     paths = [path for path, oid in oids.items() if oid is not None]
-    files, index = EntryFiles(paths, snapshot.committed_many, progress, snapshot.contents), snapshot.contents
+    files = EntryFiles(paths, snapshot.committed_many, progress, snapshot.contents)
     policy = policy or snapshot.configuration.policy
     keys = _content_keys(oids, paths, policy, judge)
-    kept = index.checked(msgspec.msgpack.Decoder(Checked), [*keys.values()])
+    kept = snapshot.contents.cache.get(_CHECKED, keys.values())
     known = {folder: kept[key] for folder, key in keys.items() if key in kept}
     before = {*known}
     found = check(files, policy, parse=files.parse, judge=judge, known=known)
     before |= {*map(model_folder, files.unreadable)}
-    # Of a model, what was found for a few former contents and policies stays too.
-    new = {keys[folder]: known[folder] for folder in known.keys() - before}
-    index.file.keep(CHECKED, new, most=4 * len(keys))
+    snapshot.contents.cache.keep({keys[folder]: known[folder] for folder in known.keys() - before})
     findings = (
         *_not_files(snapshot.repo.listing(snapshot.commit, *FOLDERS, STATEMENTS, irregular=True)),
         *completed(found, files),
@@ -285,9 +278,13 @@ def _content_keys(
     newest = max(times, default=0)
     rules = f"{__version__} {newest} {judge is not None} {policy}"
     return {
-        folder: sha256("\n".join([rules, *(f"{path} {oids[path]}" for path in group)]).encode()).hexdigest()
+        folder: f"checked {_digest(rules, *(f'{path} {oids[path]}' for path in group))}"
         for folder, group in groupby(sorted(paths, key=check_order), key=model_folder)
     }
+
+
+def _digest(*lines: str) -> str:
+    return sha256("\n".join(lines).encode()).hexdigest()
 
 
 def check_work_tree(
@@ -448,7 +445,7 @@ def _affected(repo: Repository, commit: str, touched: Mapping[str, str | None]) 
     entry or are superseded by it. No other entry is read.
     """
     own = {path: oid for path, oid in touched.items() if oid is not None}
-    index, models = index_at(repo, commit), {model_folder(path) for path in touched}
+    contents, models = Contents(repo, commit), {model_folder(path) for path in touched}
     folders, ids, names = set(models), {id_of(path) for path in touched}, set[tuple[str, str]]()
     # Aliases and labels of the changed entries, and the entries that they supersede.
     for path, data in zip(own, repo.readable([*own.values()]), strict=True):
@@ -460,9 +457,9 @@ def _affected(repo: Repository, commit: str, touched: Mapping[str, str | None]) 
             elif kind == SUPERSEDES:
                 folders.add(model_folder(f"{ROOT}{word}{SUFFIX}"))
     # Entries that refer to a changed one.
-    claims = [one for kind in (ALIAS, LABEL) for one in index.mentions(kind) if (kind, one[2]) in names]
-    claims += [one for one in index.mentions(ALIAS) if alias_folder(one[2])[:-1] in models]
-    claims += [one for one in index.mentions(SUPERSEDES) if one[2] in ids]
+    claims = [one for kind in (ALIAS, LABEL) for one in contents.mentions(kind) if (kind, one[2]) in names]
+    claims += [one for one in contents.mentions(ALIAS) if alias_folder(one[2])[:-1] in models]
+    claims += [one for one in contents.mentions(SUPERSEDES) if one[2] in ids]
     folders |= {model_folder(path) for path, *_ in claims}
     # A proposal affects only the entry that it will replace.
     listed = repo.listing(commit, *sorted(folders))

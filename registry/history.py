@@ -14,13 +14,13 @@ from calibrary.calibration import Grade
 from calibrary.errors import UnknownCameraError
 from calibrary.interop.notebook import html_table
 from calibrary.records import Record
+from calibrary.registry.contents import Contents
 from calibrary.registry.entry import PARAMETERS, Entry, Status
 from calibrary.registry.fields import FieldChange, entry_rows
 from calibrary.registry.git import history as git_history
 from calibrary.registry.git.history import SOURCE_FILE, SOURCE_SHA256, Revision
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.index import index_at
 from calibrary.registry.paths import ROOT, SUFFIX, proposal_path
 from calibrary.registry.snapshot import ListedEntry, Snapshot, StoredEntry
 
@@ -238,7 +238,7 @@ def _entries(repo: Repository, at: str, revisions: Sequence[Revision]) -> list[E
     """Return the entry after each commit; None if it was removed, or is not readable."""
     there = {one.oid: one.path for one in revisions if one.oid is not None}
     contents = zip(there.items(), repo.readable([*there]), strict=True)
-    parsed = index_at(repo, at).parsed((oid, path, data) for (oid, path), data in contents)
+    parsed = Contents(repo, at).parsed((oid, path, data) for (oid, path), data in contents)
     entries = {oid: entry for oid, (_, entry) in zip(there, parsed, strict=True) if isinstance(entry, Entry)}
     return [entries.get(one.oid) if one.oid is not None else None for one in revisions]
 

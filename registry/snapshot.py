@@ -23,6 +23,7 @@ from calibrary.errors import InputError, RegistryError, first_of
 from calibrary.known_camera import match_key
 from calibrary.records import Json, Meta, Record, replace
 from calibrary.registry.configuration import STATED, Configuration
+from calibrary.registry.contents import LABEL, NAMED, Contents, label_in, parsed_or_error
 from calibrary.registry.entry import USABLE, Entry, EntryFields, Status
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry, parsed
 from calibrary.registry.fields import Row, Value, entry_row
@@ -30,7 +31,6 @@ from calibrary.registry.git.errors import TooLargeError
 from calibrary.registry.git.history import history
 from calibrary.registry.git.objects import ObjectId, blob_id
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.index import LABEL, NAMED, ROWS, Index, index_at, label_in, parsed_or_error
 from calibrary.registry.paths import (
     PROPOSED,
     ROOT,
@@ -174,9 +174,9 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         return self.contents.files
 
     @cached_property
-    def contents(self) -> Index:
-        """The index of the commit, for a registry in git."""
-        return index_at(*self.require_git("has no index"))
+    def contents(self) -> Contents:
+        """The files of the commit, for a registry in git."""
+        return Contents(*self.require_git("has no commit"))
 
     def waiting(self, paths: Iterable[str]) -> str | None:
         """Return a sentence about entries in ``paths`` with another K waiting for approval; None if there are none."""
@@ -247,8 +247,15 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
     @cached_property
     def _founded_as(self) -> str | None:
         """The foundation that was seen before on this branch."""
-        seen = self.contents.seen(self._ref, [RULES]) if self._is_tip else {}
-        return next(iter(seen.get(RULES, ())), None)
+        return next(iter(self._seen().get(RULES, ())), None)
+
+    def _seen(self) -> Mapping[str, Collection[str]]:
+        """Return the ids of the statements that were seen before on this branch, by their subject."""
+        return self.contents.memory.seen(self._ref) if self._is_tip else {}
+
+    def _remember(self, seen: Mapping[str, Iterable[str]]) -> None:
+        if self._is_tip and self.commit is not None:
+            self.contents.memory.remember(self.commit, self._ref, seen)
 
     @cached_property
     def book(self) -> Book:
@@ -258,11 +265,8 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
             RegistryError: the registry has none, or not one foundation.
         """
         repo, commit = self.require_git("has no statements")
-        followed = self.contents.seen(self._ref, [FOLLOWED]).get(FOLLOWED, ()) if self._is_tip else ()
-        found = Book(repo, commit, known=self._founded_as, followed=followed)
-        if self._is_tip and found.rulebook.current not in followed:
-            rules = {RULES: [found.rulebook.foundation], FOLLOWED: [*found.rulebook.chain]}
-            self.contents.file.remember(self._ref, rules)
+        found = Book(repo, commit, known=self._founded_as, followed=self._seen().get(FOLLOWED, ()))
+        self._remember({RULES: [found.rulebook.foundation], FOLLOWED: [*found.rulebook.chain]})
         return found
 
     @cached_property
@@ -275,7 +279,7 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
             return {}
         wanted = [path for path in paths if path.startswith(ROOT)]
         if missing := [path for path in wanted if path not in self._standings]:
-            self._standings.update(self.contents.standings(missing, self._stand))
+            self._standings.update(self.contents.standings(missing, self._stand, self._seen))
         return {path: self._standings[path] for path in wanted}
 
     def standing(self, path: str) -> Standing | None:
@@ -286,7 +290,7 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
         book, subjects = self.book, [subject_of(path) for path in paths]
         if len(paths) > MANY:
             book.read_all()
-        known = self.contents.seen(self._ref, subjects) if self._is_tip else {}
+        known = self._seen()
         there = [path for path in paths if path in self._files]
         there += [beside for path in paths if (beside := proposal_path(path)) in self._files]
         stated = dict(self.contents.parsed(self._each(there, RegistryError)))
@@ -299,8 +303,7 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
             found[path] = standing_of(book, path, entry, in_force, proposed, has_file=path in self._files)
             if in_force.problem is None:
                 seen[subject] = [one.id for one in statements]
-        if self._is_tip and any(seen.values()):
-            self.contents.file.remember(self._ref, seen)
+        self._remember(seen)
         return found
 
     def _each(
@@ -446,7 +449,7 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
             remark = self.remark(path)
             yield path, row | ({"remark": remark} if remark is not None else {})
         if new:
-            self.contents.file.keep(ROWS, new)
+            self.contents.keep_rows(new)
 
     def stored(self, paths: Sequence[str]) -> tuple[StoredEntry, ...]:
         """Return the entries at some paths, in order.

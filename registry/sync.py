@@ -11,6 +11,7 @@ from msgspec.structs import asdict
 from calibrary.arguments import Sides
 from calibrary.errors import InputError, RegistryError
 from calibrary.records import Meta, Record, replace
+from calibrary.registry.cache import Memory
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import combined, parse_entry
 from calibrary.registry.fields import Field, entry_fields
@@ -21,7 +22,6 @@ from calibrary.registry.git.program import check_url, without_secret
 from calibrary.registry.git.remotes import Pulled, Removed, set_remote
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Change
-from calibrary.registry.index import index_at
 from calibrary.registry.paths import (
     CAMERAS,
     PROPOSALS,
@@ -185,7 +185,7 @@ def _forget(repo: Repository, before: str | None, now: str | None) -> None:
         return
     gone = repo.listing(before, STATEMENTS).keys() - repo.listing(now, STATEMENTS).keys()
     if gone:
-        index_at(repo, now).file.forget(repo.head_ref or "HEAD", map(id_in, gone))
+        Memory(repo).give_up(now, repo.head_ref or "HEAD", map(id_in, gone))
 
 
 def _state_choices(repo: Repository, conflicts: Sequence[Conflict]) -> str | None:

@@ -126,15 +126,14 @@ def members(data: bytes) -> dict[str, Member]:
     return found
 
 
-def walk(load: Load, root: str, folder: str = "") -> Iterator[tuple[str, Member]]:
-    """Yield the path of everything below a tree except trees, level by level.
+def walk(load: Load, folders: Iterable[tuple[str, str]]) -> Iterator[tuple[str, Member]]:
+    """Yield the path of everything below trees except trees, level by level.
 
     Args:
         load: loads trees.
-        root: id of the tree.
-        folder: its path, with a trailing slash.
+        folders: their paths, with a trailing slash, and ids.
     """
-    level = [(folder, root)]
+    level = [*folders]
     while level:
         below = []
         for (prefix, _), data in zip(level, load([oid for _, oid in level]), strict=True):

@@ -310,25 +310,32 @@ class Repository:
 
     def _member(self, commit: str, path: str) -> Member | None:
         """Return mode and id of what is at a path; an empty path is the root."""
-        answer = self._asked([commit])[0]
-        tree = TREE_OF_COMMIT.match(answer[2]) if answer is not None and answer[1] == b"commit" else None
-        if tree is None:
-            raise RegistryError(f"{self.path}: has no commit {commit}{self.unshallow_hint}")
-        found: Member | None = (TREE, tree[1].decode())
+        found: Member | None = self._root(commit)
         for name in path.strip("/").split("/") if path.strip("/") else ():
             if found is None or found[0] != TREE:
                 return None
             found = self._tree(found[1]).get(name)
         return found
 
+    def _root(self, commit: str) -> Member:
+        if commit not in self._trees:
+            answer = self._asked([commit])[0]
+            tree = TREE_OF_COMMIT.match(answer[2]) if answer is not None and answer[1] == b"commit" else None
+            if tree is None:
+                raise RegistryError(f"{self.path}: has no commit {commit}{self.unshallow_hint}")
+            self._keep_tree(commit, {"": (TREE, tree[1].decode())})
+        return self._trees[commit][""]
+
     def _tree(self, oid: str) -> dict[str, Member]:
-        found = self._trees.get(oid)
-        if found is None:
+        if oid not in self._trees:
             [data] = self.objects([oid], b"tree")
-            if len(self._trees) >= KEPT_TREES:
-                self._trees.clear()
-            found = self._trees[oid] = members(data)
-        return found
+            self._keep_tree(oid, members(data))
+        return self._trees[oid]
+
+    def _keep_tree(self, oid: str, found: dict[str, Member]) -> None:
+        if len(self._trees) >= KEPT_TREES:
+            self._trees.clear()
+        self._trees[oid] = found
 
     def _load(self, oids: Sequence[str]) -> Iterator[bytes]:
         return self.objects(oids, b"tree")
@@ -352,8 +359,28 @@ class Repository:
             folder = f"{prefix.strip('/')}/".removeprefix("/")
             mode, oid = self._member(commit, folder) or (b"", "")
             if mode == TREE:
-                found.update(walk(self._load, oid, folder))
+                found.update(walk(self._load, [(folder, oid)]))
         return {path: oid for path, (mode, oid) in sorted(found.items()) if (mode in REGULAR) != irregular}
+
+    def folder_id(self, commit: str, folder: str) -> str | None:
+        """Return the id of a folder at a commit, which follows from all that is in it; None if there is none."""
+        mode, oid = self._member(commit, folder) or (b"", "")
+        return oid if mode == TREE else None
+
+    def folders(self, commit: str, top: str, depth: int) -> tuple[dict[str, str], dict[str, str]]:
+        """Return the ids of the folders so many levels below one, by path with a trailing slash, and of files above."""
+        level = {f"{top.strip('/')}/": oid} if (oid := self.folder_id(commit, top)) is not None else {}
+        files: dict[str, str] = {}
+        for _ in range(depth):
+            trees, level = zip(level, map(members, self._load([*level.values()])), strict=True), {}
+            for prefix, found in trees:
+                level |= {f"{prefix}{name}/": oid for name, (mode, oid) in found.items() if mode == TREE}
+                files |= {f"{prefix}{name}": oid for name, (mode, oid) in found.items() if mode in REGULAR}
+        return level, files
+
+    def files_in(self, folders: Sequence[tuple[str, str]]) -> dict[str, str]:
+        """Return the ids of all regular files below folders, given by path and id, by path."""
+        return {path: oid for path, (mode, oid) in walk(self._load, folders) if mode in REGULAR}
 
     def difference(
         self, before: str | None, after: str, prefix: str = ""

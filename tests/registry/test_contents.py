@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import random
-import sqlite3
+import shutil
 import subprocess
-import sys
 from collections.abc import Iterator
-from contextlib import closing
 from functools import partial
 from pathlib import Path
-from typing import NoReturn
 
 import msgspec
 import pytest
@@ -18,14 +15,16 @@ from hypothesis import given, settings
 
 from calibrary.calibration import CameraKey
 from calibrary.records import replace
-from calibrary.registry import index
+from calibrary.registry import contents
+from calibrary.registry.cache import Cache, Memory, cache_folder
 from calibrary.registry.checks import check_all
+from calibrary.registry.contents import ALIAS, FOLDERS, LABEL, SUPERSEDES, Contents, stated_names
 from calibrary.registry.entry import Alias, Entry
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry
 from calibrary.registry.fields import Value, entry_row
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.index import ALIAS, LABEL, SUPERSEDES, Index, index_at, stated_names
 from calibrary.registry.init import init
+from calibrary.registry.paths import is_entry, model_folder
 from calibrary.registry.registry import Registry, open_snapshot
 from calibrary.registry.resolution import scan_aliases
 from calibrary.validation import Finding
@@ -37,7 +36,6 @@ from tests.thorough import examples
 __all__ = ["nobodys_git"]
 
 NAMED = an_entry(aliases=(Alias(make="Other", model="Name"),))
-FOLDERS = ("cameras", "proposals")
 
 
 @pytest.fixture
@@ -54,16 +52,17 @@ def tip(repo: Repository) -> str:
     return found
 
 
-def require_what_git_says(repo: Repository, at: Index, commit: str) -> None:
-    """Compare an index with a walk over all files of a commit."""
+def require_what_git_says(repo: Repository, at: Contents, commit: str) -> None:
+    """Compare the contents of a commit with a walk over all of its files."""
     files = repo.listing(commit, *FOLDERS)
     assert dict(at.files) == files
     assert [*at.files] == sorted(files)
-    parsed = [(path, parse_entry(repo.blob(oid), path)) for path, oid in files.items()]
+    entries = {path: oid for path, oid in files.items() if is_entry(path)}
+    parsed = [(path, parse_entry(repo.blob(oid), path)) for path, oid in entries.items()]
     expected = sorted(mention for path, entry in parsed for mention in stated_names(path, entry))
     assert sorted(one for kind in (ALIAS, LABEL, SUPERSEDES) for one in at.mentions(kind)) == expected
-    contents = ((oid, path, repo.blob(oid)) for path, oid in files.items())
-    assert [*at.parsed(contents)] == parsed
+    read = ((oid, path, repo.blob(oid)) for path, oid in entries.items())
+    assert [*at.parsed(read)] == parsed
 
 
 def random_entry(dice: random.Random) -> Entry:
@@ -114,8 +113,8 @@ def test_after_any_history_it_says_what_git_says(repo: Repository, tmp_path: Pat
         # Now and then it is asked for the past, and now and then it has missed some commits.
         if dice.random() < 0.7:
             commit = dice.choice([seen[-1], seen[-1], dice.choice(seen)])
-            require_what_git_says(repo, index_at(repo, commit, folder=kept), commit)
-    require_what_git_says(repo, index_at(repo, seen[-1], folder=kept), seen[-1])
+            require_what_git_says(repo, Contents(repo, commit, folder=kept), commit)
+    require_what_git_says(repo, Contents(repo, seen[-1], folder=kept), seen[-1])
 
 
 @settings(max_examples=examples(12))
@@ -140,124 +139,106 @@ def test_only_what_changed_is_read_again(
     repo: Repository, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     kept = tmp_path / "kept"
-    _ = index_at(repo, tip(repo), folder=kept).files
-    put(repo.path, replace(NAMED, aliases=(Alias(make="Third", model="Name"),)), an_entry(model="New"))
-    put_bytes(repo.path, {an_entry(model="Plain").path: None})
-
-    def refuse(*_: object) -> NoReturn:
-        raise AssertionError("everything was read again")
-
-    monkeypatch.setattr(Index, "_from_git", refuse)
-    at = index_at(repo, tip(repo), folder=kept)
+    assert [*Contents(repo, tip(repo), folder=kept).aliases] == [("other", "name")]
+    plain, new = an_entry(model="Plain"), an_entry(model="New")
+    put(repo.path, replace(NAMED, aliases=(Alias(make="Third", model="Name"),)), new)
+    put_bytes(repo.path, {plain.path: None})
+    at, read = Contents(repo, tip(repo), folder=kept), set[str]()
+    listed = Repository.files_in
+    monkeypatch.setattr(
+        Repository, "files_in", lambda own, some: read.update(path for path, _ in some) or listed(own, some)
+    )
     assert [*at.aliases] == [("third", "name")]
-    assert [*index_at(repo, tip(repo), folder=kept).aliases] == [("third", "name")]
+    assert read == {f"{model_folder(NAMED.path)}/", f"{model_folder(new.path)}/"}
     # What was read as an entry is not parsed again either.
-    monkeypatch.undo()
     files = [(oid, path, repo.blob(oid)) for path, oid in at.files.items()]
     first = [*at.parsed(files)]
-    monkeypatch.setattr(index, "parsed_or_error", refuse)
-    assert [*index_at(repo, tip(repo), folder=kept).parsed(files)] == first
-
-
-def test_the_file_follows_the_branch_and_asking_for_the_past_leaves_it(
-    repo: Repository, tmp_path: Path
-) -> None:
-    kept, before = tmp_path / "kept", tip(repo)
-
-    def commit_after_asking(commit: str) -> str:
-        require_what_git_says(repo, index_at(repo, commit, folder=kept), commit)
-        [file] = kept.iterdir()
-        with closing(sqlite3.connect(file)) as db:
-            return str(dict(db.execute("SELECT key, value FROM meta"))["commit"])
-
-    assert commit_after_asking(before) == before
-    put(repo.path, an_entry(model="New"))
-    assert commit_after_asking(tip(repo)) == tip(repo)
-    assert commit_after_asking(before) == tip(repo)
+    monkeypatch.setattr(contents, "parsed_or_error", None)
+    assert [*Contents(repo, tip(repo), folder=kept).parsed(files)] == first
 
 
 def damaged(file: Path) -> Iterator[bytes]:
     """What may lie in the place of the file."""
     whole = file.read_bytes()
-    yield from (b"", b"[]", b"\xff\xfe", whole[: len(whole) // 2], whole[:100])
+    yield from (
+        b"",
+        b"[]",
+        b"\xff\xfe",
+        whole[: len(whole) // 2],
+        whole[:100],
+        whole + b"more",
+        whole + whole,
+    )
     path, other = an_entry(model="Plain").path.encode(), an_entry(model="Plane").path.encode()
     assert whole.count(path) > 0
     yield whole.replace(path, other)
     yield whole.replace(b"other\nname", b"order\nname")
     dice = random.Random(1)  # noqa: S311  not a secret
     for _ in range(20):
-        at = dice.randrange(100, len(whole))
+        at = dice.randrange(len(whole))
         yield whole[:at] + bytes([whole[at] ^ 0xFF]) + whole[at + 1 :]
 
 
-def test_anything_else_in_its_place_is_read_over(repo: Repository, tmp_path: Path) -> None:
+def test_anything_else_in_its_place_is_thrown_away(repo: Repository, tmp_path: Path) -> None:
     kept = tmp_path / "kept"
-    require_what_git_says(repo, index_at(repo, tip(repo), folder=kept), tip(repo))
+    require_what_git_says(repo, Contents(repo, tip(repo), folder=kept), tip(repo))
     [file] = kept.iterdir()
     for left in [*damaged(file)]:
         file.write_bytes(left)
-        require_what_git_says(repo, index_at(repo, tip(repo), folder=kept), tip(repo))
+        require_what_git_says(repo, Contents(repo, tip(repo), folder=kept), tip(repo))
+        require_what_git_says(repo, Contents(repo, tip(repo), folder=kept), tip(repo))
 
 
-@pytest.mark.parametrize("key", ["commit", "version", "repository"])
-def test_one_of_another_commit_version_or_repository_is_written_anew(
-    repo: Repository, tmp_path: Path, key: str
+@pytest.fixture
+def cache(tmp_path: Path) -> Cache:
+    """A cache with one value."""
+    found = Cache(tmp_path / "of one", "1")
+    found.keep({"name": 1})
+    return found
+
+
+NUMBER = msgspec.msgpack.Decoder(int)
+
+
+def test_a_cache_of_another_version_is_none(cache: Cache) -> None:
+    assert Cache(cache.file, "1").get(NUMBER, ["name", "other"]) == {"name": 1}
+    assert Cache(cache.file, "2").get(NUMBER, ["name"]) == {}
+
+
+def test_two_that_write_keep_what_both_found(cache: Cache) -> None:
+    Cache(cache.file, "1").keep({"other": 2})
+    cache.keep({"third": 3})
+    every = {"name": 1, "other": 2, "third": 3}
+    assert Cache(cache.file, "1").get(NUMBER, every) == every
+
+
+def test_a_cache_that_cannot_be_written_or_has_grown_too_large_does_no_harm(
+    repo: Repository, tmp_path: Path, cache: Cache, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    kept = tmp_path / "kept"
-    _ = index_at(repo, tip(repo), folder=kept).files
-    [file] = kept.iterdir()
-    with closing(sqlite3.connect(file)) as db, db:
-        db.execute("UPDATE meta SET value = ? WHERE key = ?", ("0" * 40, key))
-        db.execute("DELETE FROM files")
-    require_what_git_says(repo, index_at(repo, tip(repo), folder=kept), tip(repo))
-    with closing(sqlite3.connect(file)) as db:
-        assert dict(db.execute("SELECT key, value FROM meta"))["commit"] == tip(repo)
-
-
-def test_one_that_another_process_writes_or_that_cannot_be_written_does_no_harm(
-    repo: Repository, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("calibrary.registry.index.WAIT_S", 0.05)
     in_the_way = tmp_path / "way"
     in_the_way.write_text("no folder")
-    require_what_git_says(repo, index_at(repo, tip(repo), folder=in_the_way), tip(repo))
-    kept = tmp_path / "kept"
-    _ = index_at(repo, tip(repo), folder=kept).files
-    [file] = kept.iterdir()
-    put(repo.path, an_entry(model="New"))
-    with closing(sqlite3.connect(file, isolation_level=None)) as db:
-        db.execute("BEGIN EXCLUSIVE")
-        require_what_git_says(repo, index_at(repo, tip(repo), folder=kept), tip(repo))
-        db.execute("ROLLBACK")
-    require_what_git_says(repo, index_at(repo, tip(repo), folder=kept), tip(repo))
+    require_what_git_says(repo, Contents(repo, tip(repo), folder=in_the_way), tip(repo))
+    monkeypatch.setattr("calibrary.registry.cache.LARGEST", 3)
+    large = Cache(cache.file, "1")
+    assert large.get(NUMBER, ["name"]) == {"name": 1}
+    large.keep({"new": 2})
+    assert Cache(cache.file, "1").get(NUMBER, ["name", "new"]) == {"new": 2}
 
 
-READER = """
-import sys
-from pathlib import Path
-from calibrary.registry.git.repository import Repository
-from calibrary.registry.index import index_at
-repo, kept = Repository.open(Path(sys.argv[1])), Path(sys.argv[2])
-for _ in range(40):
-    tip = repo.tip()
-    at = index_at(repo, tip, folder=kept)
-    assert dict(at.files) == repo.listing(tip, "cameras", "proposals"), tip
-    assert len(at.mentions("alias")) == 1
-"""
-
-
-@pytest.mark.thorough
-def test_processes_that_read_while_another_writes_are_told_no_mixture(
+def test_what_was_seen_is_of_its_branch_and_registry_until_it_is_given_up(
     repo: Repository, tmp_path: Path
 ) -> None:
-    command = [sys.executable, "-c", READER, str(repo.path), str(tmp_path / "kept")]
-    readers = [subprocess.Popen(command, stderr=subprocess.PIPE, text=True) for _ in range(3)]
-    for number in range(15):
-        put(repo.path, an_entry(model=f"New {number}"))
-    printed = [reader.communicate()[1] for reader in readers]
-    assert [(reader.returncode, error) for reader, error in zip(readers, printed, strict=True)] == [
-        (0, "")
-    ] * 3
+    kept, now = tmp_path / "kept", tip(repo)
+    Memory(repo, kept).remember(now, "main", {"one": ["a", "b"], "two": ["c"]})
+    Memory(repo, kept).remember(now, "other", {"one": ["d"]})
+    [file] = kept.iterdir()
+    file.write_bytes(file.read_bytes() + b"half a line")
+    Memory(repo, kept).give_up(now, "main", ["b", "c"])
+    Memory(repo, kept).remember(now, "main", {"two": ["c"]})
+    assert Memory(repo, kept).seen("main") == {"one": {"a"}, "two": {"c"}}
+    assert Memory(repo, kept).seen("other") == {"one": {"d"}}
+    file.write_bytes(file.read_bytes().replace(now.encode(), b"0" * 40))
+    assert Memory(repo, kept).seen("main") == {}
 
 
 @pytest.mark.thorough
@@ -269,7 +250,7 @@ def test_a_check_finds_what_it_finds_without_anything_kept_whatever_became_of_th
     def found() -> tuple[Finding, ...]:
         return check_all(open_snapshot(repo.path)).findings
 
-    file = index_at(repo, tip(repo)).file.path
+    file = Contents(repo, tip(repo)).cache.file
     assert found() == ()
     put(repo.path, label(an_entry(model="Two", serial="2")))
     after = found()
@@ -277,21 +258,8 @@ def test_a_check_finds_what_it_finds_without_anything_kept_whatever_became_of_th
     for left in [*damaged(file)]:
         file.write_bytes(left)
         assert found() == after
-    with closing(sqlite3.connect(file)) as db, db:
-        db.execute("UPDATE checked SET packed = (SELECT packed FROM checked LIMIT 1)")
-    assert found() == after
     file.unlink()
     assert found() == after
-
-
-@pytest.mark.thorough
-def test_what_checks_found_of_former_contents_is_not_kept_for_ever(repo: Repository) -> None:
-    for number in range(12):
-        put(repo.path, an_entry(model="Plain", notes=(f"note {number}",)))
-        assert check_all(open_snapshot(repo.path)).findings == ()
-    with closing(sqlite3.connect(index_at(repo, tip(repo)).file.path)) as db:
-        [[kept]] = db.execute("SELECT count(*) FROM checked")
-    assert 2 <= kept <= 10
 
 
 def as_before_statements(fleet: Path) -> None:
@@ -300,8 +268,7 @@ def as_before_statements(fleet: Path) -> None:
     file.write_text(file.read_text().replace("layout: 2", "layout: 1"))
     git(fleet, "rm", "-rq", "statements")
     git(fleet, "commit", "-qam", "As before")
-    repo = Repository.open(fleet)
-    index_at(repo, tip(repo)).file.path.unlink(missing_ok=True)
+    shutil.rmtree(cache_folder(), ignore_errors=True)
 
 
 @pytest.mark.parametrize("key", [KEY, replace(KEY, make="Other", model="Name")])
