@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import lru_cache, partial
+from functools import cache, lru_cache, partial
 from typing import Final, TypeAlias
 
 import msgspec
@@ -37,7 +37,12 @@ FITTED_GRID = 25
 MEASURED_GRID = 49
 RINGS, RING = 16, 12
 """Circles about the axis, each half as wide as the one before, and the points of each."""
-_AROUND: Final = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, 9)] * 2), axis=-1).reshape(-1, 2)
+
+
+@cache
+def _around() -> FloatArray:
+    """Return points of a square about the origin; made at first use, as NumPy takes long to load."""
+    return np.asarray(np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, 9)] * 2), axis=-1).reshape(-1, 2))
 
 
 def refit(
@@ -212,7 +217,7 @@ def _peak(
     cells = np.array(K.image_size) / (MEASURED_GRID - 1)
     for step in (1.0, 0.25, 0.0625):
         cell = np.minimum(cells, float(np.hypot(*(at - [K.cx, K.cy]))))
-        look = np.vstack([look, at + step * cell * _AROUND])
+        look = np.vstack([look, at + step * cell * _around()])
         inside = ((look >= 0.0) & (look <= K.image_size)).all(axis=1)
         seen, rays = _seen_at(original, look[inside])
         if len(seen):

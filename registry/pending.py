@@ -9,8 +9,7 @@ from msgspec import Struct
 from calibrary.errors import InputError, RegistryError
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.git.history import changed
-from calibrary.registry.git.remotes import common_ancestor
+from calibrary.registry.git.history import changed, common_ancestor
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.paths import CAMERAS, PROPOSALS, PROPOSED, id_of, is_entry, is_proposal
 from calibrary.registry.snapshot import Snapshot

@@ -33,9 +33,9 @@ import math
 import re
 from collections.abc import Sequence
 
-import numpy as np
 from msgspec import Struct, field
 
+from calibrary.arrays import np
 from calibrary.calibration import Calibration, Grade
 from calibrary.distortion import (
     BrownConrady,

@@ -25,9 +25,7 @@ import io
 from collections.abc import Iterable, Sequence
 from itertools import islice
 
-import numpy as np
-
-from calibrary.arrays import BoolArray, FloatArray
+from calibrary.arrays import BoolArray, FloatArray, np
 from calibrary.calibration import Calibration, Grade, ImageSize, Quality
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion
 from calibrary.errors import ParseError

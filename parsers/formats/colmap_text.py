@@ -21,8 +21,7 @@ import re
 from collections.abc import Sequence
 from itertools import chain
 
-import numpy as np
-
+from calibrary.arrays import np
 from calibrary.calibration import Calibration, Grade
 from calibrary.errors import ParseError, UnsupportedModelError
 from calibrary.interop.colmap import COLMAP_MODELS, PANORAMAS, ColmapModel, model_named

@@ -26,10 +26,9 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator, Sequence
 
-import numpy as np
 from msgspec import Struct
 
-from calibrary.arrays import BoolArray
+from calibrary.arrays import BoolArray, np
 from calibrary.calibration import Calibration, Grade, ImageSize, Quality
 from calibrary.distortion import Distortion, InverseBrown, NoDistortion
 from calibrary.errors import ParseError

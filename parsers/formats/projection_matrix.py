@@ -17,9 +17,7 @@ from __future__ import annotations
 
 import re
 
-import numpy as np
-from numpy.typing import NDArray
-
+from calibrary.arrays import NDArray, np
 from calibrary.calibration import Calibration, Grade, Origin
 from calibrary.errors import ParseError
 from calibrary.parsers import text as strict

@@ -324,3 +324,19 @@ def commit_at(repo: Repository, rev: Rev) -> str:
         return repo.commit_of(rev.name)
     newest = repo.newest()
     return at_date(repo, rev.moment, newest) if isinstance(rev, OnDate) else newest
+
+
+def common_ancestor(repo: Repository, ours: str | None, theirs: str) -> str | None:
+    """Return the newest common commit of two histories; ``None`` if there is no local commit.
+
+    Raises:
+        RegistryError: they have no common commit.
+    """
+    if ours is None:
+        return None
+    found = repo.run("merge-base", ours, theirs, good=(0, 1))
+    if found.code:
+        raise RegistryError(
+            f"{repo.path}: the two histories share no commit, so they are different registries{repo.unshallow_hint}"
+        )
+    return found.out.split()[0].decode()

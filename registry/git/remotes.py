@@ -31,7 +31,7 @@ from calibrary.registry.git.errors import (
     Withdrawn,
     explain,
 )
-from calibrary.registry.git.history import ChangedFile, Revision, changed, history
+from calibrary.registry.git.history import ChangedFile, Revision, changed, common_ancestor, history
 from calibrary.registry.git.locks import backoff, writer_lock
 from calibrary.registry.git.objects import blob_id
 from calibrary.registry.git.program import (
@@ -327,22 +327,6 @@ def _move(repo: Repository, ref: str, ours: str | None, theirs: str, steps: Sequ
         return move_branch(repo, ref, ours, theirs)
     built = build(repo, theirs, steps)
     return built if built.code else move_branch(repo, ref, ours, built.out.split()[-1].decode())
-
-
-def common_ancestor(repo: Repository, ours: str | None, theirs: str) -> str | None:
-    """Return the newest common commit of two histories; ``None`` if there is no local commit.
-
-    Raises:
-        RegistryError: they have no common commit.
-    """
-    if ours is None:
-        return None
-    found = repo.run("merge-base", ours, theirs, good=(0, 1))
-    if found.code:
-        raise RegistryError(
-            f"{repo.path}: the two histories share no commit, so they are different registries{repo.unshallow_hint}"
-        )
-    return found.out.split()[0].decode()
 
 
 def is_ancestor(repo: Repository, older: str, newer: str) -> bool:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from calibrary.jobs.audit.report import Rule
+from calibrary.jobs.audit.age import Rule
 from calibrary.jobs.verify.look import Look
 from calibrary.sfm.alterations import MeasuredCamera
 from tests.cli.registry.audits import TODAY, phantom

@@ -13,7 +13,7 @@ import calibrary
 from calibrary.calibration import Grade
 from calibrary.cli.main import main
 from calibrary.errors import RegistryError, UsageError
-from calibrary.jobs.audit.findings import age_finding, due_again
+from calibrary.jobs.audit.age import age_finding, due_again
 from calibrary.jobs.audit.status import Kind
 from calibrary.records import replace
 from calibrary.registry.configuration import Repeat

@@ -7,7 +7,7 @@ from datetime import date
 import pytest
 
 from calibrary.calibration import Grade
-from calibrary.jobs.audit.findings import age_finding
+from calibrary.jobs.audit.age import age_finding
 from calibrary.records import replace
 from calibrary.registry.configuration import Repeat, parse_configuration
 from calibrary.registry.entry import Status

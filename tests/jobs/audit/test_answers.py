@@ -10,9 +10,10 @@ import pytest
 
 from calibrary.calibration import CameraKey
 from calibrary.errors import AmbiguousEntryError, RegistryError
+from calibrary.jobs.audit.age import Rule
 from calibrary.jobs.audit.findings import _count, answer_to
 from calibrary.jobs.audit.flights import Flown
-from calibrary.jobs.audit.report import Change, Rule, UnitOverTime, Use, Verification
+from calibrary.jobs.audit.report import Change, UnitOverTime, Use, Verification
 from calibrary.jobs.audit.told import MOST_SERIES, _time_section
 from tests.registry.entries import KEY
 

@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from calibrary.jobs.audit.age import Rule
 from calibrary.jobs.audit.over_time import Measurement, _change_finding, judge_over_time
-from calibrary.jobs.audit.report import Change, Rule, UnitOverTime
+from calibrary.jobs.audit.report import Change, UnitOverTime
 from calibrary.validation import Severity
 from tests.registry.entries import KEY
 

@@ -16,7 +16,8 @@ import yaml
 from calibrary import CameraKey
 from calibrary.arguments import Reading, Stated, Terms
 from calibrary.errors import CalibraryError
-from calibrary.jobs.audit.report import AuditReport, Rule, Use
+from calibrary.jobs.audit.age import Rule
+from calibrary.jobs.audit.report import AuditReport, Use
 from calibrary.jobs.check.run import check_files
 from calibrary.jobs.diff import compare
 from calibrary.jobs.diff.comparison import ChangeVerdict

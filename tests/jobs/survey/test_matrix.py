@@ -15,7 +15,7 @@ from calibrary.calibration import Grade, Intrinsics, Provenance, Quality
 from calibrary.distortion import BrownConrady
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.evidence.readings import readings
-from calibrary.jobs.audit.report import Rule
+from calibrary.jobs.audit.age import Rule
 from calibrary.jobs.fleet import create_registry
 from calibrary.jobs.onboard.estimates import Serves
 from calibrary.jobs.onboard.run import Onboarding

@@ -14,8 +14,9 @@ from typing import Final
 
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import CalibraryError, InputError
+from calibrary.jobs.audit.age import Rule
 from calibrary.jobs.audit.findings import ENTRY, Answer, camera_words
-from calibrary.jobs.audit.report import NotCompared, Rule, Use
+from calibrary.jobs.audit.report import NotCompared, Use
 from calibrary.jobs.diff.comparison import compare
 from calibrary.jobs.diff.wording import percent
 from calibrary.jobs.extract.calibration_files import (

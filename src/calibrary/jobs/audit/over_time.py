@@ -26,9 +26,10 @@ from msgspec.structs import asdict
 from calibrary.arrays import FloatArray
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import RegistryError
+from calibrary.jobs.audit.age import Rule
 from calibrary.jobs.audit.findings import Answer, camera_words, tolerance_of, unit_name
 from calibrary.jobs.audit.flights import FlightDay, Flown
-from calibrary.jobs.audit.report import Change, DatedCheck, Rule, UnitOverTime, Use, Verification
+from calibrary.jobs.audit.report import Change, DatedCheck, UnitOverTime, Use, Verification
 from calibrary.jobs.survey.placing import Settled
 from calibrary.jobs.verify.look import MOST_IMAGES, look
 from calibrary.policy import Policy

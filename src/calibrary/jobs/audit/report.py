@@ -20,37 +20,6 @@ LEVELS = (Severity.ERROR, Severity.WARNING, Severity.NOTE)
 """Severities of an audit's findings, most severe first."""
 
 
-class Rule(StrEnum):
-    """Rule that a finding is about, most urgent first; the value is the name shown to the user."""
-
-    NO_ENTRY = "no entry"
-    DRAFT = "only proposed"
-    RETIRED = "retired in use"
-    EXPIRED = "expired in use"
-    SEVERAL = "several entries"
-    UNLIKELY = "K is unlikely"
-    DRIFT = "K drifted"
-    PIXELS = "pixels contradict K"
-    STEP = "K changed with the firmware"
-    TREND = "K drifts"
-    UNSTEADY = "K differs between dates"
-    BROKEN = "entry unreadable"
-    NAMELESS = "no name"
-    FIRMWARE = "firmware changed"
-    SIZE = "image size changed"
-    EDITED = "images changed by a program"
-    UNITS = "units differ"
-    UNKNOWN_UNITS = "units unknown"
-    OVER = "validity over"
-    OLD = "calibrated long ago"
-    UNDATED = "calibration date unknown"
-    FUTURE = "calibration date in the future"
-    TAGS = "tags disagree"
-    FILE = "a file states another K"
-    WAITING = "another K proposed"
-    NOT_FLOWN = "not flown"
-
-
 class Use(StrEnum):
     """Whether there is an entry to use."""
 

@@ -10,6 +10,7 @@ from typing import Final
 
 from calibrary.calibration import CameraKey
 from calibrary.extras import SFM, require
+from calibrary.jobs.audit.age import Rule
 from calibrary.jobs.audit.findings import (
     Answer,
     answer_to,
@@ -32,7 +33,6 @@ from calibrary.jobs.audit.report import (
     FindingCounts,
     Leg,
     NotCompared,
-    Rule,
     Use,
     Verification,
 )

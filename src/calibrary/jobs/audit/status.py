@@ -7,13 +7,12 @@ from contextlib import suppress
 from datetime import date, timedelta
 from enum import StrEnum
 from functools import partial
+from typing import TYPE_CHECKING
 
 from msgspec import Struct
 
 from calibrary.errors import InputError, RegistryError
-from calibrary.jobs.audit.findings import age_finding, due_again
-from calibrary.jobs.audit.other_statements import proposal_statements
-from calibrary.jobs.audit.report import AuditReport, NotCompared, Rule
+from calibrary.jobs.audit.age import Rule, age_finding, due_again
 from calibrary.records import Record
 from calibrary.registry.configuration import ApprovalRule, Repeat
 from calibrary.registry.entry import Entry, Status
@@ -27,7 +26,10 @@ from calibrary.registry.snapshot import Snapshot
 from calibrary.registry.standing import Book
 from calibrary.registry.statements import Signed, content_of, subject_of
 from calibrary.registry.stating import who_states
-from calibrary.validation import Severity
+from calibrary.validation import Finding, Severity
+
+if TYPE_CHECKING:
+    from calibrary.jobs.audit.report import AuditReport
 
 
 class Kind(StrEnum):
@@ -299,8 +301,13 @@ def _rules(snapshot: Snapshot, asker: _Asker) -> Iterator[Matter]:
 
 
 def _contradicting(snapshot: Snapshot, parsed: dict[str, Entry | InputError]) -> Iterator[Matter]:
+    if not any(True for _ in pending(snapshot)):
+        return
+    # What compares two K's in pixels takes longer to load than all else of a status.
+    from calibrary.jobs.audit.other_statements import proposal_statements  # noqa: PLC0415  the reason above
+
     for one in proposal_statements(snapshot, parsed, (), snapshot.configuration.policy):
-        if not isinstance(one, NotCompared) and one.severity is not Severity.NOTE:
+        if isinstance(one, Finding) and one.severity is not Severity.NOTE:
             yield Matter(kind=Kind.CONTRADICTS, what=one.place or "", text=one.message, next=one.remedy)
 
 

@@ -13,6 +13,7 @@ from typing import Final
 from msgspec import Struct
 
 from calibrary.errors import first_of
+from calibrary.jobs.audit.age import Rule
 from calibrary.jobs.audit.matters import told_status
 from calibrary.jobs.audit.report import (
     LEVELS,
@@ -22,7 +23,6 @@ from calibrary.jobs.audit.report import (
     AuditReport,
     Change,
     DatedCheck,
-    Rule,
     UnitOverTime,
     Use,
     Verification,

@@ -300,6 +300,8 @@ def read_file(path: Path, reading: Reading) -> Sequence[Calibration]:
 
 def file_of(folder: Path) -> Path | None:
     """The file with the cameras of a reconstruction by COLMAP, OpenSfM or ODM in a folder; None if there is none."""
+    if not folder.is_dir():
+        return None
     from calibrary.sfm.colmap_folder import colmap_cameras
     from calibrary.sfm.opensfm_folder import opensfm_cameras
 
