@@ -60,9 +60,15 @@ class PublishedEntry(Record):
 
 
 class PublishedCamera(Record, tag_field="schema", tag="calibrary/published-camera-2"):
-    """The entries of a make and model, or of one unit, by path."""
+    """The entries of a make and model, or of one unit, by path.
+
+    Attributes:
+        entries: those that can be read.
+        refused: paths of those that cannot; a reader refuses what they may apply to, and uses no other in their place.
+    """
 
     entries: tuple[PublishedEntry, ...]
+    refused: tuple[str, ...] = ()
 
 
 class PublishedList(Record, tag_field="schema", tag="calibrary/published-list-1"):

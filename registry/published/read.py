@@ -130,15 +130,12 @@ class Published:
         others = listed.aliases.get(own, ())[:MOST_ALIASES]
         units = [f"/{UNIT}{slug(key.serial)}"] if key.serial is not None else []
         names = [f"{name}{unit}" for name in (own, *others) for unit in ("", *units)]
-        rows = {
-            row.path: row
-            for name in names
-            if (digest := listed.cameras.get(name)) is not None
-            for row in self._decoded(PublishedCamera, digest, LARGEST_CAMERA).entries
-        }
+        digests = [digest for name in names if (digest := listed.cameras.get(name)) is not None]
+        files = [self._decoded(PublishedCamera, digest, LARGEST_CAMERA) for digest in digests]
+        rows = {row.path: row for file in files for row in file.entries}
         return RegistryIndex(
-            rows,
-            lambda path: bytes(rows[path].entry),
+            [*rows, *(path for file in files for path in file.refused)],
+            lambda path: bytes(rows[path].entry) if path in rows else _refused(path),
             aliases=lambda: {(make, model): frozenset(f"{ROOT}{name}/" for name in others)},
             earlier=lambda path: _revisions(rows[path]),
         )
@@ -255,6 +252,12 @@ def _revisions(row: PublishedEntry) -> Iterator[tuple[str, Entry]]:
     """Yield the earlier usable revisions of an entry, newest first."""
     for one in row.earlier:
         yield one.commit, parse_entry(bytes(one.entry), row.path)
+
+
+def _refused(path: str) -> bytes:
+    raise RegistryError(
+        f"{path}: its keeper's registry has it and cannot read it: 'calibrary registry check' says why"
+    )
 
 
 def _no_file(path: str) -> bytes:

@@ -90,6 +90,7 @@ class Publication(Record, tag_field="schema", tag="calibrary/registry-publish-1"
         written, unchanged, removed: numbers of files.
         signed_by: fingerprint of the key that signs; null if none does.
         valid_until: when readers refuse it, unless it was published again.
+        refused: entries that are not published, each with the reason.
     """
 
     registry: str
@@ -102,14 +103,21 @@ class Publication(Record, tag_field="schema", tag="calibrary/registry-publish-1"
     removed: int
     signed_by: str | None
     valid_until: datetime
+    refused: tuple[str, ...] = ()
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether no entry was refused."""
+        return not self.refused
 
 
 class _Output(Struct, kw_only=True):
-    """The output folder: digests of the files that belong into it, and how many of them were written."""
+    """The output folder: digests of its files, how many of them were written, and why entries are not in it."""
 
     folder: Path
     kept: set[str] = field(default_factory=set)
     written: int = 0
+    refused: list[str] = field(default_factory=list)
 
     def put(self, data: bytes) -> str:
         """Write a file under its digest, unless it is there; return the digest.
@@ -151,6 +159,7 @@ class _File(Struct, frozen=True, kw_only=True):
     digest: str
     entries: int
     aliases: frozenset[str]
+    is_whole: bool
 
 
 def publish(
@@ -178,7 +187,7 @@ def publish(
 
     Raises:
         InputError: the folder contains other files, or is not writable.
-        RegistryError: an entry cannot be read or must not be published, or the key is not that of the folder.
+        RegistryError: the registry cannot be read, or the key is not that of the folder.
     """
     repo, commit = snapshot.require_git("has no commit that could be published")
     check_out(out)
@@ -213,6 +222,7 @@ def publish(
         removed=removed,
         signed_by=key,
         valid_until=manifest.until,
+        refused=tuple(output.refused),
     )
 
 
@@ -284,7 +294,8 @@ def _cameras(
         found, changed = {}, {*names.values()}
     else:
         found = {name: output.described(digest) for name, digest in former.items()}
-        changed |= {name for name, file in found.items() if file is None}
+        changed |= {name for name, file in found.items() if file is None or not file.is_whole}
+        changed |= {name for name in names.values() if not _is_hashed(name)}
     paths: dict[str, list[str]] = {name: [] for name in changed}
     for path, name in names.items():
         if name in paths:
@@ -306,16 +317,25 @@ def _written(
     done, due = total - sum(map(len, paths.values())), [*paths]
     for start in range(0, len(due), CHUNK):
         some = due[start : start + CHUNK]
-        read = snapshot.stored([path for name in some for path in paths[name]])
-        entries = {one.path: one.entry for one in read if one.entry.status is not Status.DRAFT}
+        entries = dict(snapshot.parsed([path for name in some for path in paths[name]]))
         for name in some:
-            rows = [_published(path, entries[path], snapshot) for path in paths[name] if path in entries]
-            data = document_bytes(PublishedCamera(entries=tuple(rows)))
+            found = {path: _why_not(path, entries[path]) for path in paths[name]}
+            output.refused += [why for why in found.values() if why is not None]
+            # A serial number that is not hashed stands in the path, too.
+            refused = [path for path, why in found.items() if why is not None and _is_hashed(name)]
+            rows = [
+                _published(path, entry, snapshot)
+                for path, why in found.items()
+                if why is None
+                and isinstance(entry := entries[path], Entry)
+                and entry.status is not Status.DRAFT
+            ]
+            data = document_bytes(PublishedCamera(entries=tuple(rows), refused=tuple(refused)))
             if len(data) > LARGEST_CAMERA:
                 raise RegistryError(f"{name}: is {len(data)} bytes, and readers accept {LARGEST_CAMERA}")
-            if rows:
+            if rows or refused:
                 yield name, _described(output.put(data), data)
-        done += len(read)
+        done += len(entries)
         if progress is not None:
             progress(done, total)
 
@@ -358,28 +378,32 @@ class _Names(Struct):
 
 
 def _described(digest: str, data: bytes) -> _File:
-    entries = msgspec.json.decode(data, type=PublishedCamera).entries
-    names = [one for row in entries for one in msgspec.json.decode(row.entry, type=_Names).aliases]
+    file = msgspec.json.decode(data, type=PublishedCamera)
+    names = [one for row in file.entries for one in msgspec.json.decode(row.entry, type=_Names).aliases]
     aliases = frozenset(model_of(one.make, one.model) for one in names)
-    return _File(digest=digest, entries=len(entries), aliases=aliases)
+    return _File(digest=digest, entries=len(file.entries), aliases=aliases, is_whole=not file.refused)
+
+
+def _is_hashed(name: str) -> bool:
+    """Whether the name of a camera states no serial number but as its hash."""
+    _, unit, digits = name.partition(f"/{UNIT}")
+    return not unit or is_serial_hash(digits)
+
+
+def _why_not(path: str, entry: Entry | InputError) -> str | None:
+    """Return why an entry is not published: readers then refuse its camera, and no other; None if it can be."""
+    if isinstance(entry, InputError):
+        return str(entry)
+    check = "'calibrary registry check' shows what is wrong with it"
+    if entry.path != path:
+        return f"{path}: its camera belongs at {entry.path}; {check}"
+    serial = entry.calibration.camera.serial
+    if serial is not None and not is_serial_hash(serial):
+        return f"{path}: its serial number is not hashed; 'calibrary registry add FILE' hashes it"
+    return None
 
 
 def _published(path: str, entry: Entry, snapshot: Snapshot) -> PublishedEntry:
-    """Return the published form of an entry.
-
-    Raises:
-        RegistryError: it is of another camera than its path, so that no reader finds it, or its serial number is not
-            hashed.
-    """
-    if entry.path != path:
-        raise RegistryError(
-            f"{path}: its camera belongs at {entry.path}; 'calibrary registry check' shows what is wrong with it"
-        )
-    serial = entry.calibration.camera.serial
-    if serial is not None and not is_serial_hash(serial):
-        raise RegistryError(
-            f"{path}: its serial number is not hashed, so it is not published; 'calibrary registry add FILE' hashes it"
-        )
     earlier = tuple(
         EarlierRevision(commit=commit, entry=_public(one))
         for commit, one in _earlier(entry, snapshot.earlier(path))

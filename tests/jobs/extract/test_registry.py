@@ -56,6 +56,20 @@ def test_two_entries_that_fit_alike_are_an_error_that_names_both(tmp_path: Path)
         served(tmp_path)
 
 
+def test_a_camera_whose_entry_is_refused_is_named_and_every_other_one_goes_on(tmp_path: Path) -> None:
+    path = entry(tmp_path / "registry")
+    path.write_text(path.read_text() + f'digest: "sha256:{"0" * 64}"\n')
+    entry(tmp_path / "registry", model="FC330", fx=3650.0)
+    picture(tmp_path / "flight/a.jpg", **STRIPPED)
+    picture(tmp_path / "flight/b.jpg", **(STRIPPED | {"model": "FC330"}))
+    report = gate(tmp_path / "flight", registry=files(tmp_path / "registry"))
+    assert [(one.camera.key.model, fx(one)) for one in report.judged] == [("FC330", 3650.0)]
+    [refused] = report.rejected
+    assert refused.name == "a.jpg"
+    assert "cameras/dji/fc6310r/5472x3648.yaml: digest" in refused.reason
+    assert not report.is_good
+
+
 def test_the_entry_of_this_unit_wins_over_that_of_its_model(tmp_path: Path) -> None:
     entry(tmp_path / "registry", fx=3661.25)
     serial = served(tmp_path, body_serial="4711").camera.key.serial

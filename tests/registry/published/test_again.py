@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import date
 from pathlib import Path
 
 import pytest
 
+from calibrary.errors import InputError
 from calibrary.records import replace
-from calibrary.registry.entry import Alias, Status, Validity
+from calibrary.registry.entry import Alias, Entry, Status, Validity
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.history import MOVED_FROM
 from calibrary.registry.paths import proposal_path
 from calibrary.registry.places import PUBLISHED_FILE
 from calibrary.registry.published import write
-from calibrary.registry.snapshot import Snapshot, StoredEntry
+from calibrary.registry.snapshot import Snapshot
 from tests.registry.entries import an_entry
 from tests.registry.git.repositories import git, packed
 from tests.registry.published.publications import (
@@ -86,12 +87,12 @@ def place(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Place:
     shutil.copytree(made, tmp_path / "place")
     found = Place(tmp_path / "place")
 
-    def seen(snapshot: Snapshot, paths: Sequence[str]) -> tuple[StoredEntry, ...]:
+    def seen(snapshot: Snapshot, paths: Sequence[str]) -> Iterator[tuple[str, Entry | InputError]]:
         found.read.extend(paths)
         return real(snapshot, paths)
 
-    real = Snapshot.stored
-    monkeypatch.setattr(Snapshot, "stored", seen)
+    real = Snapshot.parsed
+    monkeypatch.setattr(Snapshot, "parsed", seen)
     return found
 
 

@@ -9,17 +9,19 @@ from pathlib import Path
 
 import pytest
 
-from calibrary.errors import CalibraryError, InputError, RegistryError
+from calibrary.errors import InputError, RegistryError
 from calibrary.records import replace
 from calibrary.registry.entry import Status, Validity
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry
 from calibrary.registry.paths import folder_of
 from calibrary.registry.places import PUBLISHED_FILE
+from calibrary.registry.published.cache import Cache
 from calibrary.registry.published.manifest import sha256
+from calibrary.registry.published.read import Published
 from calibrary.registry.published.write import _earlier, publish
 from calibrary.registry.registry import open_snapshot
 from calibrary.schemas import require
-from tests.registry.entries import an_entry
+from tests.registry.entries import KEY, an_entry
 from tests.registry.published.publications import (
     FLEET,
     UNIT,
@@ -199,13 +201,23 @@ def test_an_interrupted_run_leaves_the_former_state_and_the_next_one_completes_i
     assert files_of(out) == files_of(tmp_path / "anew")
 
 
-def test_a_serial_number_in_clear_and_an_entry_of_another_camera_are_not_published(
+def test_an_entry_that_cannot_be_published_is_named_and_every_other_one_is(
     fleet: Path, tmp_path: Path
 ) -> None:
-    commit(fleet, an_entry(serial="0V2LG3H0"))
-    with pytest.raises(RegistryError, match="serial number is not hashed"):
-        published(fleet, tmp_path / "out")
-    assert not (tmp_path / "out" / PUBLISHED_FILE).exists()
+    commit(fleet, an_entry(serial="0V2LG3H0"), raw={"cameras/dji/bad/1x1.yaml": b"schema: ["})
+    published(fleet, tmp_path / "out")
+    snapshot = open_snapshot(fleet)
+    for _ in range(2):  # what is unchanged is named again
+        done = publish(snapshot, tmp_path / "out")
+        named = {why.partition(":")[0] for why in done.refused}
+        assert named == {"cameras/dji/bad/1x1.yaml", an_entry(serial="0V2LG3H0").path}
+        assert done.entries == len(FLEET) - 1  # one is a draft
+    assert b"0v2lg3h0" not in b"".join(files_of(tmp_path / "out").values()).lower()
+    reader = Published(str(tmp_path / "out"), cache=Cache(tmp_path / "cache"))
+    assert reader.index_for(KEY).resolve(KEY) is not None
+    bad = replace(KEY, model="bad")
+    with pytest.raises(RegistryError, match=r"bad/1x1.yaml: its keeper's registry has it and cannot read it"):
+        reader.index_for(bad).resolve(bad)
 
 
 def test_a_plain_folder_has_no_commit_to_publish(tmp_path: Path) -> None:
@@ -220,12 +232,5 @@ def test_a_folder_of_the_former_form_is_left_alone(fleet: Path, tmp_path: Path) 
     (tmp_path / "out/metadata").mkdir(parents=True)
     (tmp_path / "out/metadata/1.root.json").write_text("{}")
     with pytest.raises(InputError, match=r"earlier form \(metadata/.*empty it, or name another folder"):
-        published(fleet, tmp_path / "out")
-    assert not (tmp_path / "out" / PUBLISHED_FILE).exists()
-
-
-def test_no_file_is_written_where_something_cannot_be_read(fleet: Path, tmp_path: Path) -> None:
-    commit(fleet, raw={"cameras/dji/bad/1x1.yaml": b"schema: ["})
-    with pytest.raises(CalibraryError, match="bad/1x1"):
         published(fleet, tmp_path / "out")
     assert not (tmp_path / "out" / PUBLISHED_FILE).exists()

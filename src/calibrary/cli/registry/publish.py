@@ -19,13 +19,18 @@ examples:
   calibrary registry publish --registry fleet/ /srv/www/cameras --sign ~/.ssh/id_ed25519
   calibrary registry publish public/ --site             pages for people in the same folder, with links to the JSON
 
-Approved and retired entries are published, with the revisions that earlier days need; drafts are not. Only
-changes are written. Readers refuse what is older than what they read before, and what was not published again in
-time. docs/publishing.md explains how to serve and read the files.
+Approved and retired entries are published, with the revisions that earlier days need; drafts are not. An entry that
+cannot be read is named (exit code 1), and readers refuse its camera; every other one is published. Only changes are
+written. Readers refuse what is older than what they read before, and what was not published again in time.
+docs/publishing.md explains how to serve and read the files.
 """
 
 
 def _said(done: Any, arguments: argparse.Namespace) -> list[str]:
+    from calibrary.cli.console import errors, plain
+
+    for why in done.refused:
+        errors().say(f"[red]not published[/] {plain(why)}")
     files = "1 camera file" if done.cameras == 1 else f"{done.cameras} camera files"
     signed = f"signed by {done.signed_by}" if done.signed_by is not None else "not signed (--sign KEY)"
     return [
@@ -35,5 +40,11 @@ def _said(done: Any, arguments: argparse.Namespace) -> list[str]:
 
 
 COMMAND = OfRegistry(
-    Fleet.publish, DESCRIPTION, EXAMPLES, positional={"out": "OUT"}, doing="publishing", said=_said
+    Fleet.publish,
+    DESCRIPTION,
+    EXAMPLES,
+    positional={"out": "OUT"},
+    doing="publishing",
+    said=_said,
+    exits={"is_whole": 1},
 )

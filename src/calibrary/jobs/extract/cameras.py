@@ -9,6 +9,7 @@ from msgspec import Struct
 
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics
 from calibrary.distortion import NoDistortion
+from calibrary.errors import RegistryError
 from calibrary.evidence.context import Dropped
 from calibrary.evidence.identity import camera_key, firmware
 from calibrary.evidence.metadata import ImageMetadata
@@ -220,13 +221,31 @@ def _of(count: int, images: int) -> str:
 
 
 def group_cameras(
-    states: Mapping[ImageMetadata, ByDay], knowledge: Knowledge
+    states: Mapping[ImageMetadata, ByDay],
+    knowledge: Knowledge,
+    refused: dict[ImageMetadata, RegistryError] | None = None,
 ) -> dict[CameraKey, tuple[State, ...]]:
-    """Group the camera states by camera, the state with most images first."""
+    """Group the camera states by camera, the state with most images first.
+
+    Args:
+        states: images by metadata and date.
+        knowledge: what is known of cameras.
+        refused: takes the states for which the registry refuses an answer.
+
+    Raises:
+        RegistryError: it refuses one, and nothing takes that.
+    """
     cameras: dict[CameraKey, list[State]] = {}
     usual = usual_of({one: sum(names.count for names in days.values()) for one, days in states.items()})
     for metadata, days in states.items():
-        for known, own in knowledge.by_day(metadata, days):
+        try:
+            answers = [*knowledge.by_day(metadata, days)]
+        except RegistryError as error:
+            if refused is None:
+                raise
+            refused[metadata] = error
+            continue
+        for known, own in answers:
             inferred = known.camera.sub_camera if known.camera is not None else None
             key = camera_key(metadata, inferred)
             original = originality(metadata, known.camera, usual.get(metadata))
@@ -283,6 +302,16 @@ def sort_images(flight: Flight) -> SortedImages:
         unread=_rows([*flight.unread, *unread], flight.unread_count + _count(flight, whys)),
         pictures=_rows(shown, _count(flight, pictures)),
     )
+
+
+def without_refused(images: SortedImages, refused: Mapping[ImageMetadata, RegistryError]) -> SortedImages:
+    """Put the images for which the registry refuses an answer among those that no camera is identified from."""
+    names = {metadata: Names.joined([*images.states[metadata].values()]) for metadata in refused}
+    rows = [
+        SkippedFile(name=one, reason=str(refused[key])) for key, some in names.items() for one in some.listed
+    ]
+    count = images.unread.count + sum(some.count for some in names.values())
+    return replace(images, unread=_rows([*images.unread.listed, *rows], count))
 
 
 def _pictures(seen: Mapping[Seen, Names]) -> dict[Seen, str]:

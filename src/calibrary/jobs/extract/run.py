@@ -15,7 +15,7 @@ from msgspec import Struct
 
 from calibrary.arguments import Place, PolicyLike
 from calibrary.calibration import Calibration, CameraKey, ImageSize
-from calibrary.errors import InputError, UsageError, ValidationError
+from calibrary.errors import InputError, RegistryError, UsageError, ValidationError
 from calibrary.evidence.metadata import ImageMetadata, TagFault, as_float
 from calibrary.evidence.originality import Pixels
 from calibrary.extras import SFM, require
@@ -32,6 +32,7 @@ from calibrary.jobs.extract.cameras import (
     State,
     group_cameras,
     sort_images,
+    without_refused,
 )
 from calibrary.jobs.extract.extraction import JudgedCamera, slugs_of
 from calibrary.jobs.extract.fallback import (
@@ -198,17 +199,20 @@ def judge_images(reading: Reading, listing: Listing, by: Judging) -> ExtractRepo
     """Determine one validated K per camera from the metadata of all images, independent of the reading order.
 
     Raises:
-        RegistryError: two entries fit a camera equally well, or one that may fit cannot be read.
+        RegistryError: of each camera, two entries fit equally well, or one that may fit cannot be read.
         ValidationError: ``strict`` is set and the policy is violated.
     """
-    images = sort_images(reading.images.settled())
+    images, refused = sort_images(reading.images.settled()), dict[ImageMetadata, RegistryError]()
     images = replace(images, states=by.stated.added(images.states))
+    states = group_cameras(images.states, by.knowledge, refused)
+    if refused and not states:
+        raise next(iter(refused.values()))
+    images = without_refused(images, refused)
     rejected = sorted((*images.unread.listed, *listing.unreadable), key=lambda one: path_order(one.name))
     for skipped in (*rejected, *images.pictures.listed):
         log.info("skipped %s: %s", skipped.name, skipped.reason)
     if by.strict and rejected:
         raise _breach(by.policy, "image", f"{rejected[0].name}: {rejected[0].reason}")
-    states = group_cameras(images.states, by.knowledge)
     sensor = _sensor(by.sensor_mm, states)
     of_cameras = _sensors(by.sensors, [*states])
     cameras: list[Camera] = []
