@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 import shutil
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -145,9 +145,12 @@ def test_only_what_changed_is_read_again(
     put_bytes(repo.path, {plain.path: None})
     at, read = Contents(repo, tip(repo), folder=kept), set[str]()
     listed = Repository.files_in
-    monkeypatch.setattr(
-        Repository, "files_in", lambda own, some: read.update(path for path, _ in some) or listed(own, some)
-    )
+
+    def noted(own: Repository, some: Sequence[tuple[str, str]]) -> dict[str, str]:
+        read.update(path for path, _ in some)
+        return listed(own, some)
+
+    monkeypatch.setattr(Repository, "files_in", noted)
     assert [*at.aliases] == [("third", "name")]
     assert read == {f"{model_folder(NAMED.path)}/", f"{model_folder(new.path)}/"}
     # What was read as an entry is not parsed again either.
