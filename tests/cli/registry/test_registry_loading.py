@@ -29,7 +29,6 @@ JUDGES = {"calibrary.catalogue", "calibrary.validation", "calibrary.registry.ent
     every(
         2,
         [
-            (["status"], {"calibrary.catalogue", "calibrary.registry.entry_checks"}),
             (["list", "--where", "fx>1000", "--sort", "date"], JUDGES),
             (["list"], JUDGES),
             (["show", "fc6310r"], JUDGES),
