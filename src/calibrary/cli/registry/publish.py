@@ -27,10 +27,10 @@ docs/publishing.md explains how to serve and read the files.
 
 
 def _said(done: Any, arguments: argparse.Namespace) -> list[str]:
-    from calibrary.cli.console import errors, plain
+    from calibrary.cli.console import errors
 
     for why in done.refused:
-        errors().say(f"[red]not published[/] {plain(why)}")
+        errors().say(("not published", "red"), f" {why}")
     files = "1 camera file" if done.cameras == 1 else f"{done.cameras} camera files"
     signed = f"signed by {done.signed_by}" if done.signed_by is not None else "not signed (--sign KEY)"
     return [
