@@ -139,7 +139,7 @@ def test_the_registry_stands_in_where_the_images_have_no_k(folder: Path, tmp_pat
 
 @pytest.mark.usefixtures("ran")
 def test_the_board_may_be_kept_fixed_and_pages_are_written(folder: Path) -> None:
-    assert "A solver may keep it fixed" in (folder / "board.html").read_text(encoding="utf-8")
+    assert "a solver may keep it fixed" in (folder / "board.html").read_text(encoding="utf-8")
     for page in ("survey.html", "diff.html", "fleet-pages/index.html"):
         assert (folder / page).read_text(encoding="utf-8").startswith("<!doctype html>")
     assert (folder / "board.pdf").read_bytes().startswith(b"%PDF")

@@ -25,7 +25,7 @@ VERDICTS = {
     "registry status": r"2 for Ada Keeper; 2 entries",
     "diff camera.xml later.xml": r"drift, needs attention\. Keep using A until ",
     "diff --since HEAD~6": r"1 needs attention: ",
-    "onboard payload --yes --for unit --html new/o/onboard.html": r"1 camera: 1 draft proposed",
+    "onboard payload --yes --for unit --html new/o/onboard.html": r"1 camera: draft proposed",
     "convert camera.xml new/v/camera.yml --to opencv_storage": r"exact",
     "extract survey --output-matrix new/k/K_matrix.npy --html new/p/survey.html": r"2 cameras, judged by ",
 }

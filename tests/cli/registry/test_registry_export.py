@@ -93,7 +93,7 @@ def test_what_a_format_cannot_hold_is_left_out_with_the_reason(
     put(fleet, FIRST, prism)
     code, printed, _ = run(capsys, "export", "--to", "opensfm", "--out", tmp_path / "over.json")
     assert code == 0
-    assert f"left out: {prism.id}: " in printed
+    assert f"\n{prism.id}  the thin-prism model has no exact counterpart" in printed
     assert "max" in printed
     assert [item.camera.model for item in parsers.read(tmp_path / "over.json")] != []
 

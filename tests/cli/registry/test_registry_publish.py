@@ -32,7 +32,7 @@ def test_what_cannot_be_published_is_one_line_with_its_exit_code(
     (tmp_path / "letters").mkdir()
     (tmp_path / "letters/a.txt").write_text("dear")
     for out, code, expected in (
-        ("out", 4, "serial number is not hashed"),
+        ("out", 1, "serial number is not hashed"),
         ("letters", 3, "name another folder"),
     ):
         got, _, said = run(capsys, "publish", tmp_path / out)

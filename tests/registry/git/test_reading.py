@@ -48,11 +48,11 @@ def test_a_file_that_is_not_there_is_none_and_a_commit_an_error(bare: Repository
 
 
 def test_a_damaged_object_is_an_error_and_not_another_k(bare: Repository) -> None:
+    oid = blob_id(b"fx: 8.0\n")
+    other = blob_id(b"fx: 9.0\n")
+    put(bare, {ENTRY: b"fx: 8.0\n", OTHER: b"fx: 9.0\n"})
     tip = bare.tip()
     assert tip is not None
-    oid = blob_id(b"fx: 1.0\n")
-    other = blob_id(b"fx: 9.0\n")
-    put(bare, {OTHER: b"fx: 9.0\n"})
     objects = bare.common_dir / "objects"
     place = objects / oid[:2] / oid[2:]
     place.chmod(0o644)

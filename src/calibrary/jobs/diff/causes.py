@@ -103,22 +103,25 @@ def _is_one_map(a: Calibration, b: Calibration) -> bool:
 def _converted(a: Calibration, b: Calibration) -> Structural | None:
     """The map that gives every number; where several do, the first, with the others named."""
     K, after = a.intrinsics, b.intrinsics
+    centre = f"cx, cy were {K.cx:.2f}, {K.cy:.2f} and are {after.cx:.2f}, {after.cy:.2f} px"
     found = [
-        Structural(kind=kind, reason=reason)
+        (centre, Structural(kind=kind, reason=reason))
         for turn, (kind, reason) in turns(K.image_size, after.image_size).items()
         if is_turned(a, b, turn)
     ]
-    centre = (
-        f"cx, cy were {K.cx:.2f}, {K.cy:.2f} and are {after.cx:.2f}, {after.cy:.2f} px: " if found else ""
-    )
-    found += [Structural(kind=one.kind, reason=one.reason, faulty=one.faulty) for one in conversions(a, b)]
+    found += [
+        (one.shown, Structural(kind=one.kind, reason=one.reason, faulty=one.faulty))
+        for one in conversions(a, b)
+    ]
     if not found:
         return None
     # A quarter turn of a centred frame is one cause, not two.
-    others = {one.kind: one.reason for one in found[::-1]}
-    likely = replace(found[0], likelihood=1 / len(others))
-    others.pop(likely.kind)
-    return replace(likely, reason=centre + "; or ".join((likely.reason, *others.values())))
+    each = {one.kind: (shown, one.reason) for shown, one in found[::-1]}
+    shown, likely = found[0]
+    others = [text for kind, text in each.items() if kind is not likely.kind]
+    told = [likely.reason, *(why if by in {"", shown} else f"{by}: {why}" for by, why in others)]
+    reason = (f"{shown}: " if shown else "") + "; or ".join(told)
+    return replace(likely, reason=reason, likelihood=1 / len(each))
 
 
 def _weighed(a: Calibration, b: Calibration) -> Structural | None:

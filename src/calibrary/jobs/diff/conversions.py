@@ -58,11 +58,12 @@ class Conversion(Struct, frozen=True, kw_only=True):
 
     Attributes:
         kind: of the change.
-        reason: the numbers that show it and their meaning.
+        reason: the meaning of the numbers that show it, with them unless ``shown`` has them.
         expected: what the converted side would then state.
         faulty: the side that is wrong; if none, B is the one that was converted.
         slack: share of the focal length and of the frame's width within which the numbers agree; 0 for the digits of
             a file.
+        shown: the numbers that show it, where they show other conversions as well.
     """
 
     kind: Kind
@@ -70,6 +71,7 @@ class Conversion(Struct, frozen=True, kw_only=True):
     expected: Calibration
     faulty: Faulty | None = None
     slack: float = 0.0
+    shown: str = ""
 
 
 def conversions(a: Calibration, b: Calibration) -> Iterator[Conversion]:
@@ -121,18 +123,19 @@ def _of_origin(a: Calibration, b: Calibration) -> Iterator[Conversion]:
         "pixels from 1, the other from 0",
     )
     moves = [
-        (cx + by, cy + by, kind, f"{both.format(by)} {how}")
+        (cx + by, cy + by, kind, "", f"{both.format(by)} {how}")
         for size, kind, how in ((0.5, Kind.HALF_PIXEL, first), (1.0, Kind.ORIGIN, one))
         for by in (size, -size)
     ]
     moves += [
-        (width - cx, cy, Kind.ORIGIN, f"{change}: cx counts from the right edge"),
-        (cx, height - cy, Kind.ORIGIN, f"{change}: cy counts from the bottom edge"),
-        (width - cx, height - cy, Kind.ORIGIN, f"{change}: both count from the opposite corner"),
-        (cy, cx, Kind.CENTRE_SWAP, f"{change}: they changed places"),
+        (width - cx, cy, Kind.ORIGIN, change, "cx counts from the right edge"),
+        (cx, height - cy, Kind.ORIGIN, change, "cy counts from the bottom edge"),
+        (width - cx, height - cy, Kind.ORIGIN, change, "both count from the opposite corner"),
+        (cy, cx, Kind.CENTRE_SWAP, change, "they changed places"),
     ]
-    for x, y, kind, reason in moves:
-        yield Conversion(kind=kind, reason=reason, expected=replace(a, intrinsics=replace(K, cx=x, cy=y)))
+    for x, y, kind, shown, reason in moves:
+        expected = replace(a, intrinsics=replace(K, cx=x, cy=y))
+        yield Conversion(kind=kind, reason=reason, expected=expected, shown=shown)
     was, now = (f"{side.fx:.6g}, {side.fy:.6g}" for side in (K, after))
     yield Conversion(
         kind=Kind.FOCAL_SWAP,

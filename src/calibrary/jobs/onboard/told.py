@@ -106,7 +106,8 @@ def _lead(done: OnboardReport) -> str:
     if not done.cameras:
         return "no camera could be identified in the folder"
     counts = Counter(one.decision for one in done.cameras)
-    decided = ", ".join(f"{number} {decision.value}" for decision, number in counts.items())
+    each = [f"{decision.value} for {number}" for decision, number in counts.items()]
+    decided = ", ".join(each) if len(counts) > 1 else next(iter(counts)).value
     nothing = "" if done.branches or done.is_good else "; nothing is written into the registry"
     return f"{count(len(done.cameras), 'camera')}: {decided}{nothing}"
 
