@@ -128,7 +128,7 @@ def calibrate(
     from calibrary.calibration import Origin
     from calibrary.extras import CALIBRATE, require
     from calibrary.jobs.calibrate import run
-    from calibrary.jobs.calibrate.frames import recorded
+    from calibrary.jobs.calibrate.frames import Told, recorded
     from calibrary.jobs.calibrate.outputs import Outputs, file_to_write
     from calibrary.jobs.calibrate.report import Asked, encoder, report_of
     from calibrary.records import replace
@@ -149,7 +149,7 @@ def calibrate(
     outputs = Outputs.of(encoder, html=html, corners=kept, out=out, to=to)
     require(CALIBRATE, "a calibration")
     Solvable.named(lens_model)
-    told = run.Told(
+    told = Told(
         camera=run.stated_camera(camera, registry, as_),
         focus=focus,
         stated=run.not_in_future(stated),

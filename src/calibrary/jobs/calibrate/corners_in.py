@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
 from pathlib import Path
 
 from calibrary.calib.board import Board, Pattern
@@ -12,25 +11,20 @@ from calibrary.calib.corners_file import read_corners, read_table
 from calibrary.calib.corners_table import CornersTable, is_corners_table, read_corners_table
 from calibrary.calib.detection import Detections, NamedRemark
 from calibrary.calib.found import Reason
-from calibrary.calib.observations import Observations
-from calibrary.calibration import CameraKey, ImageSize, Origin, canonical_from_file
+from calibrary.calibration import Origin, canonical_from_file
 from calibrary.errors import InputError
-from calibrary.jobs.calibrate.frames import FrameMetadata, describe_frames
+from calibrary.jobs.calibrate.frames import FrameMetadata, Told, describe_frames, observed
 from calibrary.jobs.calibrate.pairing import RigFrames, pair_names
 from calibrary.parsers.files import sha256_of
 from calibrary.provenance import SourceFile
 from calibrary.records import replace
 
-Said = Callable[[CameraKey], CameraKey]
-
 
 def corners_of_file(
     path: Path,
-    said: Said,
-    focus: str | None = None,
+    told: Told,
     *,
     board: Board | None = None,
-    image_size: ImageSize | None = None,
     origin: Origin | None = None,
 ) -> Detections:
     """Read the observations from a corners.json, a corners.vnl of mrcal, or a CSV of corners.
@@ -39,10 +33,8 @@ def corners_of_file(
 
     Args:
         path: the file.
-        said: replaces camera fields of the file by those that the user states.
-        focus: focus setting, replaces that of the file.
+        told: what the user states; the image size, if the frames are not in the folder of a table.
         board: of the corners; needed for a table, a corners.json states it.
-        image_size: (width, height) px of the frames, if they are not in the folder of the table.
         origin: pixel origin of a table; None for the centre of the first pixel, as detectors use.
 
     Raises:
@@ -56,23 +48,25 @@ def corners_of_file(
                 "a corners.json states its board and its pixel origin; leave --board and --pixel-origin out",
                 source=path.name,
             )
-        return _of_json(path, said, focus)
+        found = _of_json(path, told)
+        told.check_size(found.observations.image_size, "its corners", path.name)
+        return found
     table = _table_of(path, content, board)
     if (rig := pair_names(list(table.views))) is not None:
         raise InputError(
             f"has corners of {len(rig.cameras)} cameras, {', '.join(rig.cameras)} ({rig.how}); solve them with --rig",
             source=path.name,
         )
-    return _of_table(path, content, table, said, focus, image_size=image_size, origin=origin)
+    found = _of_table(path, content, table, told, origin=origin)
+    told.check_size(found.observations.image_size, "its corners", path.name)
+    return found
 
 
 def corners_of_rig_table(
     path: Path,
-    said: Said,
-    focus: str | None = None,
+    told: Told,
     *,
     board: Board | None = None,
-    image_size: ImageSize | None = None,
     pattern: str | None = None,
     reference: str | None = None,
 ) -> tuple[dict[str, Detections], RigFrames]:
@@ -80,10 +74,8 @@ def corners_of_rig_table(
 
     Args:
         path: the file.
-        said: replaces camera fields of the file by those that the user states.
-        focus: focus setting.
+        told: what the user states; the image size, if the frames are not in the folder of the table.
         board: of the corners.
-        image_size: (width, height) px of the frames, if they are not in the folder of the table.
         pattern: how the images' names state camera and shot.
         reference: the camera to which poses refer.
 
@@ -102,16 +94,13 @@ def corners_of_rig_table(
     cameras = {}
     for name in rig.cameras:
         own = {str(image): table.views[str(image)] for image in rig.of(name)}
-        cameras[name] = _of_table(
-            path, content, replace(table, views=own, empty=()), said, focus, image_size=image_size
-        )
+        cameras[name] = _of_table(path, content, replace(table, views=own, empty=()), told)
     return cameras, rig
 
 
 def corners_of_arrays(
     corners: Corners,
-    said: Said,
-    focus: str | None = None,
+    told: Told,
     *,
     board: Board | None = None,
     square_mm: float | None = None,
@@ -121,8 +110,7 @@ def corners_of_arrays(
 
     Args:
         corners: the arrays.
-        said: replaces camera fields by those that the user states.
-        focus: focus setting.
+        told: what the user states.
         board: of points that are given by their numbers.
         origin: pixel origin; None for the centre of the first pixel, as detectors use.
         square_mm: distance of neighbouring object points, if they are given in another unit.
@@ -132,17 +120,8 @@ def corners_of_arrays(
     """
     points, size, views = views_of(corners, board, square_mm)
     shift = canonical_from_file((0.0, 0.0), origin or Origin.PIXEL_CENTRE, size)
-    camera = said(CameraKey(image_size=size))
-    return Detections(
-        observations=Observations(
-            board=points,
-            image_size=size,
-            views=tuple(replace(view, image_points=view.image_points + shift) for view in views),
-            camera=replace(camera, image_size=size),
-            focus=focus,
-            firmware=camera.firmware,
-        )
-    )
+    shifted = (replace(view, image_points=view.image_points + shift) for view in views)
+    return Detections(observations=observed(points, size, shifted, FrameMetadata(setting=None), told))
 
 
 def _table_of(path: Path, content: bytes, board: Board | None) -> CornersTable:
@@ -163,16 +142,14 @@ def _of_table(
     path: Path,
     content: bytes,
     table: CornersTable,
-    said: Said,
-    focus: str | None,
+    told: Told,
     *,
-    image_size: ImageSize | None,
     origin: Origin | None = None,
 ) -> Detections:
     """The observations of a corners.vnl or CSV, with the frames in its folder."""
     frames = _frames_beside(path, table)
-    metadata = describe_frames(list(frames.values()), said, focus) if frames else FrameMetadata(setting=None)
-    size = metadata.setting.image_size if metadata.setting is not None else image_size
+    metadata = describe_frames(list(frames.values()), told) if frames else FrameMetadata(setting=None)
+    size = metadata.setting.image_size if metadata.setting is not None else told.image_size
     if size is None:
         raise InputError(
             f"its frames, such as {next(iter(table.views))}, are not beside it, and it states no image size; say "
@@ -180,22 +157,16 @@ def _of_table(
             source=path.name,
         )
     shift = canonical_from_file((0.0, 0.0), origin or Origin.PIXEL_CENTRE, size)
-    camera = metadata.setting.camera if metadata.setting is not None else said(CameraKey(image_size=size))
-    observations = Observations(
-        board=table.board,
-        image_size=size,
-        views=tuple(
-            replace(
-                view,
-                image_points=view.image_points + shift,
-                sha256=sha256_of(frames[name]) if name in frames else None,
-            )
-            for name, view in table.views.items()
-        ),
-        camera=replace(camera, image_size=size),
-        focus=metadata.setting.focus if metadata.setting is not None else focus,
-        firmware=camera.firmware,
-        taken=metadata.taken,
+    views = (
+        replace(
+            view,
+            image_points=view.image_points + shift,
+            sha256=sha256_of(frames[name]) if name in frames else None,
+        )
+        for name, view in table.views.items()
+    )
+    observations = replace(
+        observed(table.board, size, views, metadata, told),
         source=SourceFile(name=path.name, sha256=hashlib.sha256(content).hexdigest()),
     )
     return Detections(
@@ -210,15 +181,15 @@ def _of_table(
     )
 
 
-def _of_json(path: Path, said: Said, focus: str | None) -> Detections:
+def _of_json(path: Path, told: Told) -> Detections:
     kept = read_corners(path)
-    camera = replace(said(replace(kept.camera, firmware=kept.firmware)), image_size=kept.image_size)
+    camera = replace(told.camera(replace(kept.camera, firmware=kept.firmware)), image_size=kept.image_size)
     return Detections(
         observations=replace(
             kept,
             camera=camera,
             firmware=camera.firmware,
-            focus=focus if focus is not None else kept.focus,
+            focus=told.focus if told.focus is not None else kept.focus,
         )
     )
 

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import glob
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from datetime import date
 from pathlib import Path
 
-from msgspec import Struct
+from msgspec import Struct, field
 
+from calibrary.arguments import Stated
+from calibrary.calib.board import Board
 from calibrary.calib.detection import NamedRemark
 from calibrary.calib.found import Reason
 from calibrary.calib.frames import Setting, group_frames, of_most_common_size, the_one_setting
-from calibrary.calib.observations import Days
+from calibrary.calib.observations import ControlPoints, Days, Observations, View
 from calibrary.calib.recordings import DESCRIPTION, OF_A_FOLDER, READERS, REINDEX, write_frames
-from calibrary.calibration import CameraKey
+from calibrary.calibration import CameraKey, ImageSize
 from calibrary.catalogue import load_catalogue, match_image
 from calibrary.errors import InputError
 from calibrary.evidence.frame import files_frame
@@ -26,6 +28,7 @@ from calibrary.evidence.originality import Does, originality, program_in
 from calibrary.parsers.files import is_image
 from calibrary.parsers.imagery import read_metadata
 from calibrary.parsers.imagery.taken import focus_of, taken_on
+from calibrary.policy import FLEET, Policy
 from calibrary.records import replace
 
 FURTHER_SUFFIXES = frozenset({".bmp", ".pgm", ".ppm", ".pnm", ".jp2", ".j2k", ".j2c"})
@@ -47,6 +50,34 @@ class FrameMetadata(Struct, frozen=True, kw_only=True):
     setting: Setting | None
     taken: Days | None = None
     notes: tuple[str, ...] = ()
+
+
+class Told(Struct, frozen=True, kw_only=True):
+    """What the user states of the images and of the calibration, or demands of them.
+
+    Attributes:
+        camera: replaces what the images state of the camera.
+        focus: focus setting, in place of that of the images.
+        stated: day and operator of the calibration; without a day, that of the images.
+        image_size: (width, height) px; only points need it, otherwise it is checked.
+        needs_key: whether the camera must have a make and a model.
+        policy: limits of each use.
+    """
+
+    camera: Callable[[CameraKey], CameraKey] = lambda known: known
+    focus: str | None = None
+    stated: Stated = field(default_factory=Stated)
+    image_size: ImageSize | None = None
+    needs_key: bool = False
+    policy: Policy = FLEET
+
+    def check_size(self, found: ImageSize, what: str, source: str | None = None) -> None:
+        """Refuse a stated size that the images contradict."""
+        if self.image_size not in {None, found}:
+            raise InputError(
+                f"{what} are of {found[0]}×{found[1]} px and no other size; leave --image-size out",
+                source=source,
+            )
 
 
 def is_frame(path: Path) -> bool:
@@ -220,15 +251,12 @@ def without_resaved(frames: Sequence[Path]) -> tuple[tuple[Path, ...], SkippedFr
     return kept, SkippedFrames(remarks=remarks, notes=(note,))
 
 
-def describe_frames(
-    frames: Sequence[Path], said: Callable[[CameraKey], CameraKey], focus: str | None = None
-) -> FrameMetadata:
+def describe_frames(frames: Sequence[Path], told: Told) -> FrameMetadata:
     """Read the metadata that all frames have in common.
 
     Args:
         frames: files; unreadable ones are skipped here and reported by the corner detection.
-        said: replaces camera fields from the frames by those that the user states.
-        focus: focus setting, replaces that of the frames.
+        told: what the user states of them.
 
     Raises:
         InputError: the frames differ in camera, size or focus, or an editor has moved their pixels.
@@ -239,7 +267,7 @@ def describe_frames(
     for path in frames:
         try:
             metadata = read_metadata(path)
-            distance = focus if focus is not None else focus_of(path)
+            distance = told.focus if told.focus is not None else focus_of(path)
             day = taken_on(path, by_shutter=True)
         except InputError:
             continue
@@ -255,7 +283,7 @@ def describe_frames(
         key = camera_key(metadata, known.sub_camera if known is not None else None)
         # With the firmware, because K may change with it. The image size is that of the file, whatever the user states;
         # the caller reports a contradiction.
-        camera = replace(said(replace(key, firmware=firmware(metadata))), image_size=metadata.size)
+        camera = replace(told.camera(replace(key, firmware=firmware(metadata))), image_size=metadata.size)
         settings[path] = Setting(camera=camera, image_size=metadata.size, focus=distance)
     if not settings:
         return FrameMetadata(setting=None)
@@ -263,6 +291,23 @@ def describe_frames(
         setting=the_one_setting(group_frames(settings, settings)),
         taken=(min(days), max(days)) if days else None,
         notes=tuple(notes),
+    )
+
+
+def observed(
+    board: Board | ControlPoints, size: ImageSize, views: Iterable[View], metadata: FrameMetadata, told: Told
+) -> Observations:
+    """Return views of a board, with what their frames, if there are any, and the user say of the camera."""
+    setting = metadata.setting
+    camera = setting.camera if setting is not None else told.camera(CameraKey(image_size=size))
+    return Observations(
+        board=board,
+        image_size=size,
+        views=tuple(views),
+        camera=replace(camera, image_size=size),
+        focus=setting.focus if setting is not None else told.focus,
+        firmware=camera.firmware,
+        taken=metadata.taken,
     )
 
 

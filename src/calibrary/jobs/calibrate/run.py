@@ -6,8 +6,6 @@ from collections.abc import Callable, Sequence
 from datetime import UTC, date, datetime
 from pathlib import Path
 
-from msgspec import Struct, field
-
 from calibrary import parsers
 from calibrary.arguments import CameraLike, PolicyLike, Stated
 from calibrary.calib.board import Board
@@ -32,6 +30,7 @@ from calibrary.jobs.calibrate.corners_in import corners_of_arrays, corners_of_fi
 from calibrary.jobs.calibrate.frames import (
     FrameMetadata,
     SkippedFrames,
+    Told,
     describe_frames,
     find_frames,
     without_other_sizes,
@@ -43,34 +42,6 @@ from calibrary.progress import Progress, counted, log, stage
 from calibrary.records import replace
 from calibrary.registry.places import one_registry
 from calibrary.registry.registry import Registry
-
-
-class Told(Struct, frozen=True, kw_only=True):
-    """What the user states of the images and of the calibration, or demands of them.
-
-    Attributes:
-        camera: replaces what the images state of the camera.
-        focus: focus setting, in place of that of the images.
-        stated: day and operator of the calibration; without a day, that of the images.
-        image_size: (width, height) px; only points need it, otherwise it is checked.
-        needs_key: whether the camera must have a make and a model.
-        policy: limits of each use.
-    """
-
-    camera: Callable[[CameraKey], CameraKey] = lambda known: known
-    focus: str | None = None
-    stated: Stated = field(default_factory=Stated)
-    image_size: ImageSize | None = None
-    needs_key: bool = False
-    policy: Policy = FLEET
-
-    def check_size(self, found: ImageSize, what: str, source: str | None = None) -> None:
-        """Refuse a stated size that the images contradict."""
-        if self.image_size not in {None, found}:
-            raise InputError(
-                f"{what} are of {found[0]}×{found[1]} px and no other size; leave --image-size out",
-                source=source,
-            )
 
 
 def stated_camera(
@@ -142,7 +113,7 @@ def detections_from_frames(
     paths, skipped = find_frames(frames), SkippedFrames()
     if skip_other_sizes:
         paths, skipped = without_other_sizes(paths)
-    metadata = describe_frames(paths, told.camera, told.focus)
+    metadata = describe_frames(paths, told)
     if told.needs_key:
         require_key(metadata.setting.camera if metadata.setting is not None else told.camera(CameraKey()))
     if metadata.setting is not None:
@@ -201,15 +172,11 @@ def detections_from_corners(
             camera has no make and model.
         ParseError: the file is broken.
     """
-    if isinstance(corners, Corners):
-        found = corners_of_arrays(
-            corners, told.camera, told.focus, board=board, square_mm=square_mm, origin=origin
-        )
-    else:
-        found = corners_of_file(
-            corners, told.camera, told.focus, board=board, image_size=told.image_size, origin=origin
-        )
-        told.check_size(found.observations.image_size, "its corners", corners.name)
+    found = (
+        corners_of_arrays(corners, told, board=board, square_mm=square_mm, origin=origin)
+        if isinstance(corners, Corners)
+        else corners_of_file(corners, told, board=board, origin=origin)
+    )
     if told.needs_key:
         require_key(found.observations.camera)
     return found

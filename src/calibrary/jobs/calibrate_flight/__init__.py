@@ -110,10 +110,10 @@ def calibrate_flight(
     """
     from calibrary.calib.lens_models import Solvable
     from calibrary.extras import SFM, require
-    from calibrary.jobs.calibrate.frames import describe_frames, find_frames
+    from calibrary.jobs.calibrate.frames import Told, describe_frames, find_frames
     from calibrary.jobs.calibrate.outputs import Outputs
     from calibrary.jobs.calibrate.report import Asked, encoder, report_of, require_key
-    from calibrary.jobs.calibrate.run import Told, not_in_future, stated_camera
+    from calibrary.jobs.calibrate.run import not_in_future, stated_camera
     from calibrary.jobs.calibrate_flight.reconstruction import MOST_IMAGES, solve_reconstruction
     from calibrary.jobs.calibrate_flight.run import FlightOptions, read_control, solve_images, starting_k
     from calibrary.records import replace
@@ -144,7 +144,7 @@ def calibrate_flight(
         survey=read_control(control) if control is not None else None,
     )
     files = find_frames(given, "the images of the flight") if given else ()
-    setting = describe_frames(files[:1], told.camera, told.focus).setting if files else None
+    setting = describe_frames(files[:1], told).setting if files else None
     if told.needs_key:
         require_key(setting.camera if setting is not None else told.camera(CameraKey()))
     if result_of is not None:

@@ -14,8 +14,7 @@ from calibrary.calib.verdict_rules import graver_first
 from calibrary.calibration import Calibration
 from calibrary.errors import InputError
 from calibrary.extras import programs
-from calibrary.jobs.calibrate.frames import FrameMetadata, describe_frames, without_resaved
-from calibrary.jobs.calibrate.run import Told
+from calibrary.jobs.calibrate.frames import FrameMetadata, Told, describe_frames, without_resaved
 from calibrary.jobs.calibrate_flight.run import MOST_POINTS, FlightOptions, SolvedFlight, described
 from calibrary.jobs.files import choose
 from calibrary.parsers.imagery.taken import Fix, fix_of
@@ -62,9 +61,7 @@ def solve_reconstruction(
         model = read_colmap(folder) if is_colmap_folder(folder) else read_opensfm(folder)
     images, resaved = without_resaved(images)
     taken, paths = _taken(model, images, camera)
-    metadata = (
-        describe_frames([*paths.values()], told.camera, told.focus) if paths else FrameMetadata(setting=None)
-    )
+    metadata = describe_frames([*paths.values()], told) if paths else FrameMetadata(setting=None)
     positions, frame = _positions(model, paths)
     model = replace(model, positions=positions or model.positions)
     survey = options.survey

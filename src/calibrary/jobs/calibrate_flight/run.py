@@ -18,16 +18,18 @@ from calibrary.calib.lens_models import Solvable
 from calibrary.calib.observations import ControlPoints, Observations, View
 from calibrary.calib.result import CalibrationResult
 from calibrary.calib.start import seed
-from calibrary.calibration import CameraKey, ImageSize, Intrinsics
+from calibrary.calibration import ImageSize, Intrinsics
 from calibrary.errors import FrameError, InputError, UsageError
 from calibrary.extras import programs
 from calibrary.jobs.calibrate.frames import (
     FrameMetadata,
+    Told,
     describe_frames,
+    observed,
     without_other_sizes,
     without_resaved,
 )
-from calibrary.jobs.calibrate.run import Told, dated, read_seed
+from calibrary.jobs.calibrate.run import dated, read_seed
 from calibrary.jobs.calibrate_flight import GroundControl
 from calibrary.jobs.extract.pixels import claim_of_image
 from calibrary.parsers.files import sha256_of
@@ -199,7 +201,7 @@ def solve_images(
     given, (paths, copies) = len(paths), _without_copies(paths)
     paths, skipped = without_other_sizes(paths)
     paths, resaved = without_resaved(paths)
-    metadata = describe_frames(paths, told.camera, told.focus)
+    metadata = describe_frames(paths, told)
     if metadata.setting is None:
         raise InputError(f"none of {given} images can be read; expected a flight, some 20 to 60 that overlap")
     if len(paths) < FEWEST_IMAGES:
@@ -282,30 +284,21 @@ def described(
     Raises:
         InputError: the images are not of that size.
     """
-    nothing, setting = np.empty(0, dtype=np.intp), metadata.setting
-    if setting is not None and setting.image_size != size:
+    if metadata.setting is not None and metadata.setting.image_size != size:
         raise InputError(
             "the images are of {}×{} px, and the reconstruction's camera of {}×{}: give the images that it was made "
-            "from".format(*setting.image_size, *size)
+            "from".format(*metadata.setting.image_size, *size)
         )
-    camera = setting.camera if setting is not None else told.camera(CameraKey(image_size=size))
-    return Observations(
-        board=ControlPoints(points=np.empty((0, 3))),
-        image_size=size,
-        views=tuple(
-            View(
-                name=name,
-                sha256=sha256_of(path) if path is not None else None,
-                ids=nothing,
-                image_points=np.empty((0, 2)),
-            )
-            for name, path in images.items()
-        ),
-        camera=camera,
-        focus=setting.focus if setting is not None else told.focus,
-        firmware=camera.firmware,
-        taken=metadata.taken,
+    views = (
+        View(
+            name=name,
+            sha256=sha256_of(path) if path is not None else None,
+            ids=np.empty(0, dtype=np.intp),
+            image_points=np.empty((0, 2)),
+        )
+        for name, path in images.items()
     )
+    return observed(ControlPoints(points=np.empty((0, 3))), size, views, metadata, told)
 
 
 def _how(chosen: Selection, total: int) -> str:

@@ -97,10 +97,11 @@ def calibrate_rig(
     from calibrary.calib.board import parse_board
     from calibrary.calib.lens_models import Solvable
     from calibrary.extras import CALIBRATE, require
+    from calibrary.jobs.calibrate.frames import Told
     from calibrary.jobs.calibrate.outputs import Outputs
     from calibrary.jobs.calibrate.pairing import find_rig
     from calibrary.jobs.calibrate.report import Asked
-    from calibrary.jobs.calibrate.run import Told, not_in_future, stated_camera
+    from calibrary.jobs.calibrate.run import not_in_future, stated_camera
     from calibrary.jobs.calibrate_rig.report import encoder, rig_report
     from calibrary.jobs.calibrate_rig.run import (
         corner_files,

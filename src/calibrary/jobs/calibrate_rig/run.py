@@ -21,10 +21,10 @@ from calibrary.calib.rig.observations import RigObservations
 from calibrary.calibration import CameraKey
 from calibrary.errors import CalibrationError, InputError
 from calibrary.jobs.calibrate.corners_in import corners_of_arrays, corners_of_rig_table
-from calibrary.jobs.calibrate.frames import describe_frames
+from calibrary.jobs.calibrate.frames import Told, describe_frames
 from calibrary.jobs.calibrate.pairing import RigFrames
 from calibrary.jobs.calibrate.report import Asked
-from calibrary.jobs.calibrate.run import Told, dated, observe
+from calibrary.jobs.calibrate.run import dated, observe
 from calibrary.parsers.imagery import read_metadata
 from calibrary.parsers.rigs.micasense import rotation_of_relatives
 from calibrary.progress import Progress, counted, log, stage
@@ -79,7 +79,7 @@ def detect_rig(
         InputError: frames of one camera differ in size, camera or focus, or were edited.
         CalibrationError: no frame of a camera shows the board.
     """
-    described = {name: describe_frames(frames.of(name), told.camera, told.focus) for name in frames.cameras}
+    described = {name: describe_frames(frames.of(name), told) for name in frames.cameras}
     keys = {
         name: one.setting.camera if one.setting is not None else told.camera(CameraKey())
         for name, one in described.items()
@@ -191,15 +191,7 @@ def rig_from_table(
         InputError: the file cannot be read, or its images' names do not say camera and shot.
         ParseError: the file is broken.
     """
-    cameras, paired = corners_of_rig_table(
-        path,
-        told.camera,
-        told.focus,
-        board=board,
-        image_size=told.image_size,
-        pattern=pattern,
-        reference=reference,
-    )
+    cameras, paired = corners_of_rig_table(path, told, board=board, pattern=pattern, reference=reference)
     shots = {
         shot: {name: image.name for name, image in taken.items()} for shot, taken in paired.shots.items()
     }
@@ -223,9 +215,7 @@ def rig_from_arrays(
         raise InputError(f"no camera {reference!r:.60} among {', '.join(corners)}", place="reference")
     for name in sorted(corners, key=lambda name: name != (reference or next(iter(corners)))):
         try:
-            cameras[name] = corners_of_arrays(
-                corners[name], told.camera, told.focus, board=board, square_mm=square_mm
-            )
+            cameras[name] = corners_of_arrays(corners[name], told, board=board, square_mm=square_mm)
         except InputError as error:
             raise InputError(error.message, source=name, place=error.place) from None
     views = dict.fromkeys(view.name for one in cameras.values() for view in one.observations.views)

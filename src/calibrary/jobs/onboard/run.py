@@ -23,9 +23,9 @@ from calibrary.calibration import Calibration, CameraKey
 from calibrary.catalogue import overlay
 from calibrary.errors import CalibraryError, CalibrationError, InputError, RegistryError, UsageError, first_of
 from calibrary.extras import SFM
-from calibrary.jobs.calibrate.frames import describe_frames
+from calibrary.jobs.calibrate.frames import Told, describe_frames
 from calibrary.jobs.calibrate.report import Asked
-from calibrary.jobs.calibrate.run import Told, observe, solved
+from calibrary.jobs.calibrate.run import observe, solved
 from calibrary.jobs.calibrate_flight.run import FlightOptions, solve_images
 from calibrary.jobs.fleet.changes import weighed
 from calibrary.jobs.onboard.estimates import (
@@ -320,7 +320,7 @@ class Onboarding(Struct, frozen=True, kw_only=True):
         """Calibrate the camera from its frames of a board."""
         frames = camera.frames
         try:
-            metadata = describe_frames(frames, _said_of(camera))
+            metadata = describe_frames(frames, Told(camera=_said_of(camera)))
             advance = counted(self.progress, len(frames), "frames")
             board = self.board or self.square_mm or 0.0
             seen = observe(frames, metadata, board, workers=self.workers, progress=advance)
