@@ -97,7 +97,7 @@ def test_an_integrator_takes_a_payload_on_board(person: Person, delivery: Path, 
     assert "no entry" in person("registry", "audit", flight, *registry, code=1)
 
     said = person("onboard", delivery, *registry, "--square-mm", "40", "--for", "unit", "--yes")
-    assert "3 images, 16 frames of a board, 1 calibration file, 2 skipped" in said
+    assert "3 images of flights, 16 frames of a board, 1 calibration file, 2 skipped" in said
     assert "draft proposed" in said
     branch = "onboard/example-survey_one"
     page = (tmp_path / "onboard-example-survey_one.html").read_text()

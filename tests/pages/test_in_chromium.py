@@ -187,7 +187,7 @@ def test_every_plot_is_drawn(shown: tuple[Page, Seen]) -> None:
     tab, _ = shown
     sizes = tab.evaluate(
         "[...document.querySelectorAll('.plot')].map(p => [p.getBoundingClientRect().width,"
-        " p.querySelectorAll('path, use, image').length])"
+        " p.querySelectorAll('svg *, image').length])"
     )
     assert sizes
     assert all(width > 300 and marks > 2 for width, marks in sizes)

@@ -73,11 +73,11 @@ def test_a_folder_is_watched_while_frames_arrive(tab: Open, taken: list[Path], t
     asked(one, "/boards/watch", place=str(arriving), board=BOARD)
     one.page.get_by_text("No frame has arrived yet.").wait_for()
     shutil.copy(taken[0], arriving)
-    one.page.get_by_text("1 of 1 frames count.").wait_for(timeout=60_000)
+    one.page.get_by_text("1 of 1 frames count").wait_for(timeout=60_000)
     assert one.page.locator("svg.plot").count() == 1
     for path in taken[1:5]:
         shutil.copy(path, arriving)
-    one.page.get_by_text("5 of 5 frames count.").wait_for(timeout=120_000)
+    one.page.get_by_text("5 of 5 frames count").wait_for(timeout=120_000)
     assert "The largest σ over the frame is then expected" in one.page.locator("main").inner_text()
     assert faults(one.page) == []
     one.page.get_by_role("button", name="Stop").click()

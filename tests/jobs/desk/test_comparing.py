@@ -64,7 +64,7 @@ def test_files_are_sent_and_compared_under_their_own_names(tab: Open, tmp_path: 
     one.page.get_by_text("A file that was sent is not kept").wait_for()
     assert "calibrary-desk-" not in one.page.content()
     assert "\u202e" not in one.page.content()
-    assert "<b>A" in one.page.locator("header").inner_text()
+    assert "<b>A" in one.page.locator("main").inner_text()
     assert one.complaints == []
 
 

@@ -58,7 +58,7 @@ def test_a_payload_is_looked_at_and_proposed_once_it_is_confirmed(
     one = tab()
     said = look(one, payload)
     assert "ready, not written" in said
-    assert "1 draft could be proposed" in said
+    assert "1 camera: ready, not written" in said
     assert "papers/camera.xml" in said
     assert "EXIF FocalLengthIn35mmFilm" in said
     assert branches(fleet) == []
