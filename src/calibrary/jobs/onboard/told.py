@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Final
 
 from calibrary.calib.result import CalibrationResult
-from calibrary.calib.verdict import BoardVerdict
 from calibrary.jobs.calibrate.page_plots import fit_plots, lens_plots
+from calibrary.jobs.calibrate.told import OUTCOMES
 from calibrary.jobs.onboard.report import (
     Agreement,
     CameraDecision,
@@ -64,11 +64,6 @@ DECISIONS: Final = {
     Decision.READY: Tone.CAUTION,
     Decision.KNOWN: Tone.NEUTRAL,
     Decision.REFUSED: Tone.BAD,
-}
-SOLVES: Final = {
-    BoardVerdict.PASS: Tone.GOOD,
-    BoardVerdict.PROVISIONAL: Tone.CAUTION,
-    BoardVerdict.REFUSE: Tone.BAD,
 }
 PX: Final = Axis("fx", "px")
 MOST_ROWS: Final = 200
@@ -281,7 +276,7 @@ def _solve(solve: ImageSolve, what: str, *, whole: bool) -> Iterator[Block]:
     reasons = tuple(str(finding) for finding in result.findings)
     yield Section(
         title=f"The {what}",
-        badge=Badge(result.verdict.value, SOLVES[result.verdict]),
+        badge=Badge(result.verdict.value, OUTCOMES[result.verdict].tone),
         blocks=(
             lead,
             *((Bullets((*reasons, *solve.detections.notes)),) if reasons else ()),
