@@ -36,11 +36,11 @@ from calibrary.calib.geometry import near_corners
 from calibrary.calib.observations import Observations
 from calibrary.calib.projection_difference import projection_difference
 from calibrary.calib.result import CalibrationResult
-from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration, Covariance
 from calibrary.distortion import BrownConrady, KannalaBrandt, Rational, Unified
 from calibrary.errors import CalibrationError
 from calibrary.records import replace
+from calibrary.validation import Use
 from tests.calib.faults import bumped, rolling, s_curved, twisted
 from tests.calib.solving import SIZE, Session, camera, shoot
 
@@ -70,7 +70,7 @@ class Tally:
 
     worst: list[float] = field(default_factory=list)
     parameters: list[float] = field(default_factory=list)
-    verdicts: dict[BoardVerdict, int] = field(default_factory=lambda: dict.fromkeys(BoardVerdict, 0))
+    verdicts: dict[Use, int] = field(default_factory=lambda: dict.fromkeys(Use, 0))
     focal_std: list[float] = field(default_factory=list)
     edge_px: list[float] = field(default_factory=list)
     seconds: float = 0.0
@@ -236,7 +236,7 @@ def main() -> int:
                 continue
             tally.seconds += time.process_time() - began
             tally.verdicts[result.verdict] += 1
-            if result.verdict is BoardVerdict.PASS:
+            if result.verdict is Use.FIXED:
                 bulges = bulge(seed, BULGES_PX[name]) if name in BULGES_PX else None
                 worst, own = errors(result, truth, bulges)
                 tally.worst.append(worst)
@@ -246,7 +246,7 @@ def main() -> int:
         far = float(np.mean(np.array(tally.worst) > FAR)) if tally.worst else 0.0
         near = float(np.mean(np.array(tally.parameters) < FAR)) if tally.parameters else 1.0
         missed |= far > MOST_FAR or near < LEAST_NEAR
-        missed |= name.startswith(NEVER_FIXED) and tally.verdicts[BoardVerdict.PASS] > 0
+        missed |= name.startswith(NEVER_FIXED) and tally.verdicts[Use.FIXED] > 0
         counts = tuple(tally.verdicts.values())
         print(
             f"{name:22}{counts[0]:6}{counts[1]:6}{counts[2]:4}{far:8.1%}{max(tally.worst, default=0.0):7.1f}"

@@ -42,7 +42,7 @@ from calibrary.calib.network import State
 from calibrary.calibration import Calibration
 from calibrary.distortion import KannalaBrandt
 from calibrary.errors import CalibrationError
-from calibrary.jobs.use import Use, allowed
+from calibrary.jobs.use import allowed
 from calibrary.policy import FLEET
 from calibrary.records import replace
 from calibrary.rotations import rotation_matrix
@@ -50,6 +50,7 @@ from calibrary.sfm.adjust import Adjustment, adjust
 from calibrary.sfm.assessment import flight_result
 from calibrary.sfm.control import with_survey
 from calibrary.sfm.sigma import covariance
+from calibrary.validation import Use
 from tests.sfm.flights import CAMERA, FISHEYE, PLANS, Plan, fly, rippled
 from tests.sfm.surveyed import DATUM, FRAME, survey
 from tests.sfm.test_unseen import LENSES, OBLIQUE, PARTS, apart, seen

@@ -43,7 +43,7 @@ from calibrary.calib.result import (
 )
 from calibrary.calib.solve import Solution
 from calibrary.calib.variance_factor import SplitHalf, split_half
-from calibrary.calib.verdict import BOARD, LIMITS, BoardVerdict, Departure, Evidence, Limits, Subject
+from calibrary.calib.verdict import BOARD, LIMITS, Departure, Evidence, Limits, Subject
 from calibrary.calib.verdict_rules import graver_first, judge
 from calibrary.calibration import (
     Calibration,
@@ -58,7 +58,7 @@ from calibrary.extras import programs, versions_in_words
 from calibrary.policy import FLEET, Policy
 from calibrary.quality import Proven
 from calibrary.records import replace
-from calibrary.validation import Finding, Severity
+from calibrary.validation import Finding, Severity, Use
 
 MAP_SHAPE: Final = (27, 21)
 
@@ -182,7 +182,7 @@ def assess(
         longer=stretched[0] if stretched is not None else None,
     )
     findings = graver_first((*judge(judged, limits, policy), *solved.further))
-    refused = BoardVerdict.of(findings) is BoardVerdict.REFUSE
+    refused = Use.of(findings) is Use.NONE
     return CalibrationResult(
         # A refused calibration is usable only as a start value.
         calibration=replace(
@@ -385,8 +385,8 @@ def _calibration(
 
 def notes_of(findings: Sequence[Finding]) -> Iterator[str]:
     """Yield the remarks for users of the calibration."""
-    verdict = BoardVerdict.of(findings)
-    if verdict is not BoardVerdict.PASS:
+    verdict = Use.of(findings)
+    if verdict is not Use.FIXED:
         yield f"{verdict.value}: {Calibration.SHORT}"
     yield from (str(finding) for finding in findings if finding.severity is not Severity.NOTE)
 

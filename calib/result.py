@@ -16,12 +16,12 @@ from calibrary.calib.model_choice import Candidate, WarpTest
 from calibrary.calib.observations import Observations
 from calibrary.calib.projection_difference import ProjectionDifference, Uncertainty
 from calibrary.calib.variance_factor import SplitHalf
-from calibrary.calib.verdict import BoardVerdict, Evidence, Limits, Uses, uses_of
+from calibrary.calib.verdict import Evidence, Limits, Uses, uses_of
 from calibrary.calibration import Calibration, SourceFile
 from calibrary.policy import FLEET, Policy
 from calibrary.probability import two_digits
 from calibrary.records import Meta, Record
-from calibrary.validation import Finding
+from calibrary.validation import Finding, Use
 
 Numbers: TypeAlias = tuple[float | None, ...]
 """None stands for a number that is not finite."""
@@ -283,9 +283,9 @@ class CalibrationResult(Struct, frozen=True, kw_only=True, eq=False):
         return "images" if self.flown is not None else "views"
 
     @property
-    def verdict(self) -> BoardVerdict:
+    def verdict(self) -> Use:
         """Verdict, decided by the worst finding."""
-        return BoardVerdict.of(self.findings)
+        return Use.of(self.findings)
 
     @property
     def rules(self) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from enum import StrEnum
-from typing import Final, Self
+from typing import Final
 
 from msgspec import Struct
 
@@ -20,34 +20,6 @@ from calibrary.probability import two_digits, whole_percent
 from calibrary.quality import Proven
 from calibrary.records import Record
 from calibrary.validation import Finding, Severity
-
-
-class BoardVerdict(StrEnum):
-    """What a calibration is good for: to be kept fixed in a solver, to start one from, or nothing."""
-
-    PASS = "pass"  # noqa: S105  a verdict, not a password
-    PROVISIONAL = "provisional"
-    REFUSE = "refuse"
-
-    @classmethod
-    def of(cls, findings: Iterable[Finding]) -> Self:
-        """Return the verdict of findings: an error refuses, an unproven finding makes it provisional."""
-        severities = {finding.severity for finding in findings}
-        if Severity.ERROR in severities:
-            return cls.REFUSE
-        return cls.PROVISIONAL if Severity.UNPROVEN in severities else cls.PASS
-
-    @property
-    def word(self) -> str:
-        """The verdict as a use: fixed, start or none."""
-        return _WORDS[self]
-
-
-_WORDS: Final[Mapping[BoardVerdict, str]] = {
-    BoardVerdict.PASS: "fixed",
-    BoardVerdict.PROVISIONAL: "start",
-    BoardVerdict.REFUSE: "none",
-}
 
 
 class Limits(Record):

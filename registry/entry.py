@@ -579,7 +579,7 @@ class Seal(Struct, frozen=True, kw_only=True):
     The seal names the digest of the numbers that were judged, so that it says nothing of another K in its place.
 
     Attributes:
-        verdict: pass, provisional or refuse.
+        verdict: fixed, start or none.
         reasons: names of the rules behind it.
     """
 
@@ -589,12 +589,12 @@ class Seal(Struct, frozen=True, kw_only=True):
     @property
     def passed(self) -> bool:
         """Whether the calibration may be kept fixed; any other is a start at most."""
-        return self.verdict == "pass"
+        return self.verdict == "fixed"
 
     @property
     def is_usable(self) -> bool:
         """Whether the calibration may be used at all."""
-        return self.verdict != "refuse"
+        return self.verdict != "none"
 
     def __str__(self) -> str:
         why = f" ({', '.join(self.reasons)})" if self.reasons and not self.passed else ""

@@ -27,12 +27,12 @@ from calibrary.calib.rig.start import HALF_TURN, Eye, Link, eye_of, links, turns
 from calibrary.calib.rig.verdict import RIG_LIMITS, RigEvidence, RigLimits, is_loose, judge_rig
 from calibrary.calib.solve import Solution
 from calibrary.calib.variance_factor import SplitHalf, split_half
-from calibrary.calib.verdict import LIMITS, BoardVerdict, Limits
+from calibrary.calib.verdict import LIMITS, Limits
 from calibrary.calibration import Covariance, ImageSize
 from calibrary.errors import CalibrationError, InputError
 from calibrary.records import Record, replace
 from calibrary.rig import RigPose, turn_jacobian
-from calibrary.validation import Finding
+from calibrary.validation import Finding, Use
 
 ROUNDS: Final = 5
 NORMAL_MAD: Final = 1.4826
@@ -347,9 +347,9 @@ class RigResult(Struct, frozen=True, kw_only=True, eq=False):
     observations: RigObservations
 
     @property
-    def verdict(self) -> BoardVerdict:
+    def verdict(self) -> Use:
         """Verdict on the rig, decided by the worst finding."""
-        return BoardVerdict.of(self.findings)
+        return Use.of(self.findings)
 
     @property
     def reference(self) -> str:
@@ -600,7 +600,7 @@ def _shots(solution: RigSolution) -> tuple[ShotResult, ...]:
     return tuple(found)
 
 
-def _verdicts(results: Mapping[str, CalibrationResult]) -> dict[str, BoardVerdict]:
+def _verdicts(results: Mapping[str, CalibrationResult]) -> dict[str, Use]:
     return {name: result.verdict for name, result in results.items()}
 
 

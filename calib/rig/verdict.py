@@ -9,15 +9,14 @@ from typing import Final
 from msgspec import Struct
 
 from calibrary.calib.rig.causes import CAMERA_MOVED
-from calibrary.calib.verdict import BoardVerdict
 from calibrary.calib.verdict_rules import at_least, at_most, graver_first
 from calibrary.errors import first_of
 from calibrary.records import Record
-from calibrary.validation import Finding, Severity
+from calibrary.validation import Finding, Severity, Use
 
 
 class RigLimits(Record):
-    """Limits of PASS (``wanted``) and of REFUSE (``needed``).
+    """Limits of what is kept fixed (``wanted``) and of what is a start (``needed``).
 
     Attributes:
         shared_needed, shared_wanted: number of shots that link a camera to another one.
@@ -47,7 +46,7 @@ class RigEvidence(Struct, frozen=True, kw_only=True):
     """Measurements that the verdict on a rig is based on; values that were not solved are None.
 
     Attributes:
-        verdicts: verdicts on the cameras.
+        verdicts: what each camera is good for.
         shared: number of shots that link each camera except the reference to another one.
         untied: cameras without common shots with the others.
         mispaired: of cameras for which the shots agree on no pose.
@@ -61,7 +60,7 @@ class RigEvidence(Struct, frozen=True, kw_only=True):
         shots: number of shots of two or more cameras.
     """
 
-    verdicts: Mapping[str, BoardVerdict]
+    verdicts: Mapping[str, Use]
     shared: Mapping[str, int]
     untied: Sequence[str] = ()
     mispaired: Sequence[Finding] = ()
@@ -95,23 +94,23 @@ def judge_rig(evidence: RigEvidence, limits: RigLimits = RIG_LIMITS) -> tuple[Fi
 
 
 def _cameras(e: RigEvidence) -> Iterator[Finding]:
-    for verdict, severity in (
-        (BoardVerdict.REFUSE, Severity.ERROR),
-        (BoardVerdict.PROVISIONAL, Severity.UNPROVEN),
+    for use, severity in (
+        (Use.NONE, Severity.ERROR),
+        (Use.START, Severity.UNPROVEN),
     ):
-        names = [name for name, found in e.verdicts.items() if found is verdict]
+        names = [name for name, found in e.verdicts.items() if found is use]
         if names:
             yield Finding(
-                rule=f"camera-{verdict.value}",
+                rule=f"camera-{use.value}",
                 severity=severity,
                 measured=len(names),
                 limit=0,
-                message=f"{first_of(names, 4)}: the calibration is {_SAID[verdict]}, and the rig cannot be better",
+                message=f"{first_of(names, 4)}: the calibration is {_SAID[use]}, and the rig cannot be better",
                 remedy="see the findings of these cameras",
             )
 
 
-_SAID: Final = {BoardVerdict.REFUSE: "refused", BoardVerdict.PROVISIONAL: "a start only"}
+_SAID: Final = {Use.NONE: "refused", Use.START: "a start only"}
 
 
 def _ties(e: RigEvidence, limits: RigLimits) -> Iterator[Finding]:
@@ -201,8 +200,8 @@ def _precision(e: RigEvidence, limits: RigLimits) -> Iterator[Finding]:
             "unstable-places",
             e.kappa2,
             (limits.kappa2_wanted, limits.kappa2_needed),
-            f"the variance factor of the relative poses is {e.kappa2:.1f}; PASS needs at most "
-            f"{limits.kappa2_wanted:g}. The standard deviations that are stated are wider by "
+            f"the variance factor of the relative poses is {e.kappa2:.1f}; to be kept fixed "
+            f"at most {limits.kappa2_wanted:g} is needed. The standard deviations that are stated are wider by "
             f"{math.sqrt(e.kappa2):.1f} for it",
             "fasten the cameras, mount the board on glass or aluminium, use a tripod",
         )

@@ -25,9 +25,9 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from enum import StrEnum
-from typing import Final, TypeAlias
+from typing import Final, Self, TypeAlias
 
 from calibrary.arrays import np
 from calibrary.calibration import Calibration, CameraKey
@@ -70,6 +70,22 @@ class Verdict(StrEnum):
     VALID = "valid"
     UNPROVEN = "unproven"
     REJECTED = "rejected"
+
+
+class Use(StrEnum):
+    """What a solver may do with a K: keep it fixed, start from it, or leave it."""
+
+    FIXED = "fixed"
+    START = "start"
+    NONE = "none"
+
+    @classmethod
+    def of(cls, findings: Iterable[Finding]) -> Self:
+        """Return what findings leave: an error forbids every use, an unproven finding all but a start."""
+        severities = {finding.severity for finding in findings}
+        if Severity.ERROR in severities:
+            return cls.NONE
+        return cls.START if Severity.UNPROVEN in severities else cls.FIXED
 
 
 class Finding(Record):

@@ -13,8 +13,8 @@ from calibrary.calib.model_choice import warp_test
 from calibrary.calib.network import Network
 from calibrary.calib.observations import Observations
 from calibrary.calib.solve import Solution, solve
-from calibrary.calib.verdict import BoardVerdict
 from calibrary.records import replace
+from calibrary.validation import Use
 from tests.thorough import every
 
 from .faults import bumped, flexing, twisted
@@ -54,7 +54,7 @@ def test_a_shape_that_may_not_be_solved_for_widens_the_standard_deviation() -> N
     flat, solved = (estimate(twisted(3, 0.2), "brown", warp=warp) for warp in (False, True))
     found = next(finding for finding in flat.findings if finding.rule == "board-shape")
     assert "the standard deviations allow for it" in found.message
-    assert flat.verdict is BoardVerdict.PROVISIONAL
+    assert flat.verdict is Use.START
     assert flat.calibration.quality is not None
     assert solved.calibration.quality is not None
     flat_std, solved_std = (

@@ -13,9 +13,9 @@ from calibrary.calib.misfit import Cause, Misfit, corner_noise, misfit
 from calibrary.calib.network import Network
 from calibrary.calib.observations import Observations
 from calibrary.calib.solve import solve
-from calibrary.calib.verdict import BoardVerdict
 from calibrary.distortion import KannalaBrandt
 from calibrary.errors import CalibrationError
+from calibrary.validation import Use
 from tests.thorough import every, examples
 
 from .faults import SESSIONS, blurred, flexing, miscounted, refocusing, rolling, stabilised, two_zooms
@@ -101,5 +101,5 @@ def test_a_cause_comes_with_what_to_try() -> None:
     assert "zoom" in found.message
     assert found.remedy is not None
     assert "serial number" in found.remedy
-    assert result.verdict is not BoardVerdict.PASS
+    assert result.verdict is not Use.FIXED
     assert "rolling-shutter" not in result.rules

@@ -16,13 +16,13 @@ from calibrary.calib.lens_models import Solvable
 from calibrary.calib.observations import ControlPoints, Observations, View
 from calibrary.calib.opencv_state import one_blas_thread
 from calibrary.calib.result import CalibrationResult, DismissalReason
-from calibrary.calib.verdict import LIMITS, BoardVerdict
+from calibrary.calib.verdict import LIMITS
 from calibrary.calibration import CameraKey, Grade, Intrinsics
 from calibrary.errors import CalibrationError, InputError
 from calibrary.jobs.calibrate.report import Asked, CalibrateReport, report_of
 from calibrary.records import from_json, replace, to_json
 from calibrary.schemas import require
-from calibrary.validation import Severity
+from calibrary.validation import Severity, Use
 from tests.thorough import every
 
 from .faults import rolling
@@ -43,7 +43,7 @@ def _codes(result: CalibrationResult) -> set[str]:
 
 
 def test_a_good_session_passes(clean: CalibrationResult) -> None:
-    assert clean.verdict is BoardVerdict.PASS
+    assert clean.verdict is Use.FIXED
     assert not _grave(clean)
     assert not clean.views_out
 
@@ -76,7 +76,7 @@ def test_the_result_prints_as_its_schema_says(clean: CalibrationResult) -> None:
     report = report_of(clean, Detections(observations=clean.observations), Asked())
     document = json.loads(json.dumps(to_json(report), allow_nan=False))
     require(document, "calibration-result-3")
-    assert document["verdict"] == "pass"
+    assert document["verdict"] == "fixed"
     assert from_json(CalibrateReport, document) == report
 
 
@@ -151,11 +151,11 @@ def test_each_fault_is_called_by_its_name(code: str) -> None:
     assert code in found
     assert found[code].severity is severity
     outcome = {
-        Severity.NOTE: BoardVerdict.PASS,
-        Severity.UNPROVEN: BoardVerdict.PROVISIONAL,
-        Severity.ERROR: BoardVerdict.REFUSE,
+        Severity.NOTE: Use.FIXED,
+        Severity.UNPROVEN: Use.START,
+        Severity.ERROR: Use.NONE,
     }
-    order = list(BoardVerdict)
+    order = list(Use)
     assert order.index(result.verdict) >= order.index(outcome[severity])
 
 
@@ -179,7 +179,7 @@ def test_boards_parallel_to_the_sensor_are_refused_and_nothing_worse(tilt_deg: f
         message = str(error)
         assert "tilt the board" in message
     else:
-        assert result.verdict is BoardVerdict.REFUSE
+        assert result.verdict is Use.NONE
         assert "low-tilt" in _grave(result)
 
 

@@ -16,10 +16,10 @@ from calibrary.calib.found import Found, NotFound, Reason
 from calibrary.calib.lattice import beyond, smoothed
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.synthesis import Settings, poses, render, seen_corners
-from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration
 from calibrary.distortion import KannalaBrandt
 from calibrary.records import replace
+from calibrary.validation import Use
 from tests.thorough import every
 
 from .observing import observe
@@ -127,5 +127,5 @@ def test_a_circular_fisheye_is_solved_as_one(seed: int) -> None:
         views.append(replace(view, ids=view.ids[inside], image_points=view.image_points[inside]))
     result = estimate(replace(seen, views=tuple(views)))
     assert result.model is Solvable.FISHEYE
-    assert result.verdict is not BoardVerdict.REFUSE
+    assert result.verdict is not Use.NONE
     assert result.calibration.intrinsics.fx == pytest.approx(truth.intrinsics.fx, rel=5e-4)

@@ -20,10 +20,10 @@ from calibrary.calib.rig.estimation import RigResult, _rigidity, estimate_rig
 from calibrary.calib.rig.lens import Place, RigLens
 from calibrary.calib.rig.observations import RigObservations
 from calibrary.calib.rig.start import _is_ambiguous
-from calibrary.calib.verdict import BoardVerdict
 from calibrary.errors import InputError
 from calibrary.records import replace
 from calibrary.rotations import rotation_matrix
+from calibrary.validation import Use
 from tests.calib.rigs import BOARD, off, seen_by, true_rig
 from tests.thorough import every
 
@@ -78,7 +78,7 @@ def test_places_are_found_and_their_sigma_covers_the_truth(bow_mm: float) -> Non
         turns.append(degrees)
         baselines.append(share)
         z.append(sigmas)
-        assert result.verdict is not BoardVerdict.REFUSE
+        assert result.verdict is not Use.NONE
         assert result.evidence.rigid_p is not None
         assert result.evidence.rigid_p > 1e-3
     assert max(turns) < 0.01
@@ -172,7 +172,7 @@ def test_a_camera_that_moved_in_the_rig_is_named_with_the_shot() -> None:
     [trouble] = result.evidence.troubles
     assert trouble.rule == "camera-moved"
     assert re.match(r"cam1 moved in the rig before the shot shot-0(08|09|10):", trouble.message)
-    assert result.verdict is BoardVerdict.REFUSE
+    assert result.verdict is Use.NONE
 
 
 @pytest.mark.thorough
@@ -200,10 +200,10 @@ def test_frames_that_are_paired_wrongly_are_named_and_no_pose_is_stated(order: s
     rows[:, 1] = rows[::-1, 1] if order == "reversed" else np.roll(rows[:, 1], 1)
     result = estimate_rig(replace(seen, rows=rows))
     assert rule in rules(result)
-    assert result.verdict is BoardVerdict.REFUSE
+    assert result.verdict is Use.NONE
     assert not result.poses
     # Each camera by itself is as good as ever.
-    assert all(one.verdict is not BoardVerdict.REFUSE for one in result.cameras.values())
+    assert all(one.verdict is not Use.NONE for one in result.cameras.values())
 
 
 def test_a_camera_whose_images_are_mirrored_is_named() -> None:

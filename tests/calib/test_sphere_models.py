@@ -16,10 +16,10 @@ from calibrary.calib.lens_models import Solvable
 from calibrary.calib.network import State
 from calibrary.calib.projection_difference import projection_difference
 from calibrary.calib.result import CalibrationResult
-from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration, Covariance
 from calibrary.distortion import DoubleSphere, KannalaBrandt, Unified
 from calibrary.parsers import read, write
+from calibrary.validation import Use
 from tests.thorough import every
 
 from .solving import SIZE, Session, camera, shoot
@@ -61,7 +61,7 @@ def _worst_z(result: CalibrationResult, truth: Calibration) -> float:
 def test_the_camera_is_found_within_what_is_stated(model: Solvable, field_deg: float) -> None:
     truth, result = _camera(model, field_deg), _solved(model, field_deg, model.value)
     assert result.model is model
-    assert result.verdict is BoardVerdict.PASS
+    assert result.verdict is Use.FIXED
     assert result.evidence.rms_px < 0.075
     assert _worst_z(result, truth) < 3
     focal, _ = model.axial_focal({"fx": truth.intrinsics.fx, "xi": LENSES[model].coefficients["xi"]})
@@ -85,7 +85,7 @@ def test_below_65_degrees_off_the_axis_k_stays_that_of_a_pinhole() -> None:
 
 
 def test_a_fisheye_polynomial_for_a_decentred_lens_does_not_pass() -> None:
-    assert _solved(Solvable.MEI, 190, "fisheye").verdict is not BoardVerdict.PASS
+    assert _solved(Solvable.MEI, 190, "fisheye").verdict is not Use.FIXED
 
 
 def test_the_condition_of_terms_that_stand_in_for_one_another_is_no_finding() -> None:

@@ -9,11 +9,12 @@ from calibrary.calib.budget import Part
 from calibrary.calib.estimation import estimate
 from calibrary.calib.geometry import near_corners, proven
 from calibrary.calib.projection_difference import Uncertainty, pixel_grid
-from calibrary.calib.verdict import AskedUse, BoardVerdict
-from calibrary.jobs.use import Use, allowed
+from calibrary.calib.verdict import AskedUse
+from calibrary.jobs.use import allowed
 from calibrary.policy import FLEET
 from calibrary.quality import ImageCircle
 from calibrary.records import replace
+from calibrary.validation import Use
 
 from .faults import rolling
 from .solving import SIZE, Session, camera, shoot
@@ -101,7 +102,7 @@ def test_the_limits_are_those_of_the_policy() -> None:
 
 def test_a_rolling_shutter_is_a_start_and_names_what_is_against_more() -> None:
     result = estimate(rolling())
-    assert result.verdict is BoardVerdict.PROVISIONAL
+    assert result.verdict is Use.START
     assert "unstable" in result.uses.of(AskedUse.FIXED).against
     assert result.uses.of(AskedUse.START).holds
     assert allowed(result.calibration, FLEET).use is Use.START

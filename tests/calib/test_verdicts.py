@@ -13,14 +13,14 @@ import pytest
 from calibrary.calib.estimation import estimate
 from calibrary.calib.observations import Observations
 from calibrary.calib.result import CalibrationResult
-from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Grade
 from calibrary.records import replace
+from calibrary.validation import Use
 
 from .faults import rolling, two_boards
 from .solving import SIZE, Session, camera, shoot
 
-PASS, PROVISIONAL, REFUSE = BoardVerdict
+PASS, PROVISIONAL, REFUSE = Use
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +28,7 @@ class Case:
     """A session and what has to be said of it."""
 
     make: Callable[[], Observations]
-    verdict: BoardVerdict
+    verdict: Use
     rules: frozenset[str] = frozenset()
     warp: bool = True
 

@@ -79,7 +79,7 @@ def test_frames_lead_to_the_camera_that_took_them(calibrated: Run, photographed:
     assert document["calibration"]["camera"]["model"] == "RedEdge-M"
     # Nine views are too few to keep K fixed, whatever they show.
     assert code == 1
-    assert document["verdict"] == "provisional"
+    assert document["verdict"] == "start"
     assert "few-views" in [finding["rule"] for finding in document["findings"]]
     assert err == ""
 
@@ -227,7 +227,7 @@ def test_one_that_passes_can_be_approved_at_once(calibrated: Run, tmp_path: Path
     entry = the_entry(fleet)
     assert (entry.status, entry.reason) == (Status.APPROVED, "new lens")
     assert entry.calibration.provenance.operator == "Ada"
-    assert entry.extensions[VERDICT_BLOCK]["verdict"] == "pass"
+    assert entry.extensions[VERDICT_BLOCK]["verdict"] == "fixed"
 
 
 def test_a_draft_is_what_approve_takes(calibrated: Run, tmp_path: Path, fleet: Registry) -> None:
@@ -253,7 +253,7 @@ def test_a_start_may_be_approved_and_stays_a_start(
     assert "it is used as a start: no solver keeps it fixed" in out
     entry = the_entry(fleet)
     assert entry.status is Status.APPROVED
-    assert any("provisional" in note for note in entry.notes)
+    assert any(note.startswith("start: ") for note in entry.notes)
     capsys.readouterr()
     [held] = fleet.snapshot().entries()
     assert main(["registry", "show", held.id, "--registry", str(tmp_path / "fleet"), "--json"]) == 0

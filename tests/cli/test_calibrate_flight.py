@@ -113,7 +113,7 @@ def test_json_holds_what_the_verdict_is_based_on(
     simulated(GOOD)
     assert main(["calibrate", "flight", str(good), "--start", "1000", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
-    assert document["verdict"] == "pass"
+    assert document["verdict"] == "fixed"
     assert document["calibration"]["grade"] == "adjusted"
     assert document["flown"]["geometry"]["height_ratio"] > 1.4
     assert len(document["calibration"]["provenance"]["sources"]) == 30
@@ -179,7 +179,7 @@ def test_another_programs_reconstruction_is_judged_as_our_own(
     said = capsys.readouterr()
     document = json.loads(said.out)
     made, findings = document["calibration"]["provenance"], {one["rule"]: one for one in document["findings"]}
-    assert document["verdict"] == "provisional"
+    assert document["verdict"] == "start"
     assert document["calibration"]["grade"] == "adjusted"
     assert document["calibration"]["camera"]["model"] == "Flight One"
     assert document["flown"]["geometry"]["metres"]

@@ -173,7 +173,7 @@ def test_a_format_that_cannot_hold_the_lens_takes_nothing_else_with_it(
     flags = ("--lens-model", "mei", "--out", "k.xml", "--to", "agisoft_xml", "--html", "r.html", "--json")
     code, out, _ = calibrated("--from", kept, *flags)
     document = json.loads(out)
-    assert (code, document["verdict"]) == (3, "pass")
+    assert (code, document["verdict"]) == (3, "fixed")
     assert "no exact counterpart" in document["unwritten"]
     assert (tmp_path / "r.html").exists()
     assert not (tmp_path / "k.xml").exists()

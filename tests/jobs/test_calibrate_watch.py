@@ -14,12 +14,12 @@ from calibrary.calib.board import Board
 from calibrary.calib.estimation import estimate
 from calibrary.calib.next_pose import next_pose
 from calibrary.calib.synthesis.sheet import Pose
-from calibrary.calib.verdict import BoardVerdict
 from calibrary.cli.main import main
 from calibrary.jobs.calibrate_watch.session import Watch
 from calibrary.records import replace
 from calibrary.rotations import rotation_matrix, rotation_vector
 from calibrary.schemas import require
+from calibrary.validation import Use
 from tests.calib.observing import observe
 from tests.calib.photographs import BOARD as SMALL
 from tests.calib.photographs import saved
@@ -200,7 +200,7 @@ class TestCommand:
         arrive(tmp_path, frames[0])
         watch = Watch(tmp_path, SMALL)
         good = estimate(shoot(how=Session(views=20), seed=2))
-        assert good.verdict is BoardVerdict.PASS
+        assert good.verdict is Use.FIXED
         monkeypatch.setattr("calibrary.jobs.calibrate_watch.session.estimate", lambda *_: good)
         monkeypatch.setattr("calibrary.jobs.calibrate_watch.session.FEWEST_VIEWS", 1)
         status = watch.poll(settled=True)

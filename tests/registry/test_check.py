@@ -226,11 +226,11 @@ def test_a_warning_leaves_a_registry_good() -> None:
 
 @pytest.mark.parametrize(("status", "rules"), [(Status.APPROVED, ["board"]), (Status.DRAFT, [])])
 def test_a_calibration_that_was_refused_is_not_put_to_use(status: Status, rules: list[str]) -> None:
-    block: YamlValue = {"verdict": "refuse", "reasons": ["low-tilt"]}
+    block: YamlValue = {"verdict": "none", "reasons": ["low-tilt"]}
     refused = replace(an_entry(status=status), extensions={"x-board-calibration": block})
     assert [rule for rule, _ in of(refused)] == rules
 
 
-@pytest.mark.parametrize("verdict", ["pass", "provisional"])
+@pytest.mark.parametrize("verdict", ["fixed", "start"])
 def test_a_calibration_may_be_put_to_use_as_what_it_was_judged(verdict: str) -> None:
     assert of(replace(an_entry(), extensions={"x-board-calibration": {"verdict": verdict}})) == []

@@ -14,7 +14,7 @@ from calibrary.registry.init import init
 from calibrary.registry.resolution import resolve
 from tests.registry.entries import an_entry
 
-PROVISIONAL = "provisional: not good enough to be approved"
+PROVISIONAL = "start: not good enough to be approved"
 
 
 def judged(verdict: str, *, reasons: tuple[str, ...] = ("few-views",), **fields: Any) -> Entry:
@@ -26,42 +26,42 @@ def judged(verdict: str, *, reasons: tuple[str, ...] = ("few-views",), **fields:
 @pytest.mark.parametrize(
     ("entry", "verdict"),
     [
-        (judged("pass"), "pass"),
-        (judged("provisional"), "provisional"),
-        (judged("refuse"), "refuse"),
+        (judged("fixed"), "fixed"),
+        (judged("start"), "start"),
+        (judged("none"), "none"),
         (judged("splendid"), "splendid"),
         (an_entry(), None),
-        (an_entry(notes=(PROVISIONAL,)), "provisional"),
-        (an_entry(notes=("provisional: until the lab has time",)), None),
-        (judged("pass", notes=(PROVISIONAL,)), "provisional"),
+        (an_entry(notes=(PROVISIONAL,)), "start"),
+        (an_entry(notes=("start: until the lab has time",)), None),
+        (judged("fixed", notes=(PROVISIONAL,)), "start"),
         # As earlier entries have it: without the digest of what was judged.
-        (replace(an_entry(), extensions={VERDICT_BLOCK: {"verdict": "provisional"}}), "provisional"),
-        (replace(an_entry(), extensions={VERDICT_BLOCK: ["provisional"]}), None),
+        (replace(an_entry(), extensions={VERDICT_BLOCK: {"verdict": "start"}}), "start"),
+        (replace(an_entry(), extensions={VERDICT_BLOCK: ["start"]}), None),
         # The verdict is on another K.
-        (replace(an_entry(fx=3700.0), extensions=judged("pass").extensions), None),
+        (replace(an_entry(fx=3700.0), extensions=judged("fixed").extensions), None),
     ],
 )
 def test_the_verdict_on_an_entry(entry: Entry, verdict: str | None) -> None:
     found = sealed(entry)
     assert (found.verdict if found is not None else None) == verdict
-    assert noted(entry).shortfall == (verdict if verdict != "pass" else None)
+    assert noted(entry).shortfall == (verdict if verdict != "fixed" else None)
 
 
 def test_a_start_stays_one_where_its_notes_were_removed() -> None:
-    entry = judged("provisional")
+    entry = judged("start")
     found = resolve({entry.path: entry}, entry.calibration.camera)
     assert found is not None
     for calibration in (noted(entry), found.calibration):
-        assert calibration.shortfall == "provisional"
+        assert calibration.shortfall == "start"
         assert "few-views: of its calibration" in calibration.notes
-    assert noted(judged("pass")) == judged("pass").calibration
+    assert noted(judged("fixed")) == judged("fixed").calibration
 
 
 def test_another_k_does_not_inherit_the_verdict(tmp_path: Path) -> None:
     init(tmp_path / "fleet")
     fleet = open_registry(tmp_path / "fleet")
-    fleet.propose_entries([replace(judged("pass"), status=Status.DRAFT)]).write()
-    for fx, verdict in ((3661.25, "pass"), (3700.0, None)):
+    fleet.propose_entries([replace(judged("fixed"), status=Status.DRAFT)]).write()
+    for fx, verdict in ((3661.25, "fixed"), (3700.0, None)):
         [one] = open_registry(tmp_path / "fleet").propose_entries([an_entry(fx=fx)]).proposals.items
         found = sealed(one.entry)
         assert (found.verdict if found is not None else None) == verdict

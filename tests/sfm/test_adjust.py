@@ -13,7 +13,6 @@ from calibrary.calib.least_squares import marginal, reduce
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.model_choice import Candidate
 from calibrary.calib.result import CalibrationResult
-from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Grade
 from calibrary.distortion import KannalaBrandt, Rational
 from calibrary.errors import CalibrationError
@@ -25,6 +24,7 @@ from calibrary.sfm.bundle import adjust_bundle, linearise
 from calibrary.sfm.priors import Known, Priors, anchored
 from calibrary.sfm.sigma import FOCAL_BY_PX, covariance, flight_geometry, halves
 from calibrary.sfm.tracks import Scene, Tracks, aligned, thinned
+from calibrary.validation import Use
 from tests.sfm.flights import CAMERA, PLANS, Plan, flown_of, fly
 from tests.thorough import every
 
@@ -146,14 +146,14 @@ def test_a_good_flight_finds_the_camera_within_what_it_states(name: str) -> None
     std = np.sqrt(np.diag(quality.covariance.matrix)[:4] * quality.inflation)
     assert (np.abs(found - TRUTH[:4]) < 3 * std).all()
     assert std[0] < 0.002 * K.fx
-    assert result.verdict is not BoardVerdict.REFUSE
+    assert result.verdict is not Use.NONE
     assert result.calibration.grade is Grade.ADJUSTED
     assert result.calibration.provenance.kind == FLIGHT
 
 
 def test_a_flight_at_two_heights_with_good_positions_passes() -> None:
     result = judged("two heights, flat, RTK")
-    assert result.verdict is BoardVerdict.PASS, result.rules
+    assert result.verdict is Use.FIXED, result.rules
 
 
 @pytest.mark.parametrize(
@@ -176,7 +176,7 @@ def test_what_sigma_lacks_is_told_and_the_camera_is_not_kept_fixed(
 
     monkeypatch.setattr(f"calibrary.sfm.sigma.{part}", fails)
     result = flight_result(adjusted("two heights, flat, RTK"))
-    assert result.verdict is BoardVerdict.PROVISIONAL
+    assert result.verdict is Use.START
     told = next(one for one in result.findings if one.rule == "unknown-uncertainty")
     assert said in told.message
 
@@ -236,7 +236,7 @@ def test_outliers_do_not_count() -> None:
 @pytest.mark.parametrize("name", every(2, ["flat, one height", "flat, cross strips"]))
 def test_a_flat_flight_at_one_height_never_passes_and_says_what_to_fly(name: str) -> None:
     found = judged(name)
-    assert found.verdict is not BoardVerdict.PASS
+    assert found.verdict is not Use.FIXED
     weak = next(one for one in found.findings if one.rule == "focal-length-or-height")
     assert "cannot be told apart" in weak.message
     assert "one height" in weak.message

@@ -19,14 +19,13 @@ from calibrary.calib.lens_models import Solvable
 from calibrary.calib.model_choice import RivalLens
 from calibrary.calib.projection_difference import projection_difference
 from calibrary.calib.result import CalibrationResult
-from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Covariance
 from calibrary.distortion import Rational
 from calibrary.records import replace
 from calibrary.sfm.adjust import adjust
 from calibrary.sfm.assessment import flight_result
 from calibrary.sfm.tracks import Tracks
-from calibrary.validation import Finding
+from calibrary.validation import Finding, Use
 from tests.sfm.flights import CAMERA, FISHEYE, PLANS, fly
 from tests.thorough import every
 
@@ -87,7 +86,7 @@ def edge(of: CalibrationResult) -> Finding | None:
 )
 def test_a_lens_that_is_known_in_all_of_the_frame_is_kept_fixed(lens: str, part: str) -> None:
     found = flown(lens, part)
-    assert found.verdict is BoardVerdict.PASS, found.rules
+    assert found.verdict is Use.FIXED, found.rules
     assert apart(lens, found) < 1.5
 
 
@@ -97,7 +96,7 @@ def test_a_lens_that_is_seen_in_the_middle_only_is_a_start(lens: str) -> None:
     found = flown(lens, "centre")
     assert apart(lens, found) > 5
     told = edge(found)
-    assert found.verdict is BoardVerdict.PROVISIONAL
+    assert found.verdict is Use.START
     assert told is not None
     assert re.search(r"no point was seen in [34]\d% of the frame", told.message), told.message
     assert told.remedy is not None
@@ -111,7 +110,7 @@ def test_a_lens_beside_which_another_does_as_well_is_a_start() -> None:
     told = edge(found)
     assert found.model is Solvable.FISHEYE
     assert apart("rational", found) > 3
-    assert found.verdict is BoardVerdict.PROVISIONAL
+    assert found.verdict is Use.START
     assert told is not None
     assert "a rational lens explains the images as well" in told.message
 

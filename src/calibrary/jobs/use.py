@@ -7,7 +7,7 @@ without an uncertainty is a start, however it was made: "measured" does not say 
 
 from __future__ import annotations
 
-from enum import StrEnum
+from typing import Final
 
 from calibrary.arrays import np
 from calibrary.calibration import Calibration
@@ -17,14 +17,10 @@ from calibrary.policy import Policy
 from calibrary.probability import two_digits, whole_percent
 from calibrary.quality import Proven
 from calibrary.records import Record
+from calibrary.validation import Use
 
-
-class Use(StrEnum):
-    """What a solver may do with a K."""
-
-    FIXED = "fixed"
-    START = "start"
-    NONE = "none"
+OF_SIGMA: Final = frozenset({"uncertain-focal-length", "unproven-region"})
+"""Rules of a calibration that hold its standard deviations against the policy's limits, and nothing else."""
 
 
 class Allowed(Record):
@@ -59,7 +55,7 @@ def allowed(
         use = Use.NONE if calibration is None or not resaved else Use.START
         saved = "a program saved the images again, and may have changed their frame"
         return Allowed(use=use, why="no valid K" if use is Use.NONE else saved)
-    if calibration.shortfall is not None:
+    if calibration.shortfall is not None and not _is_short_by_sigma(calibration):
         # However small its σ: what it failed may be what σ does not know of.
         return _short(calibration)
     if isinstance(calibration.distortion, NoDistortion) and not calibration.grade.is_measured:
@@ -84,11 +80,17 @@ def allowed(
     return _by_sigma(calibration, policy)
 
 
+def _is_short_by_sigma(calibration: Calibration) -> bool:
+    """Whether a calibration is a start for its standard deviations alone, which the policy at hand judges again."""
+    said = {note.partition(": ")[0] for note in calibration.notes} - {calibration.shortfall}
+    return calibration.shortfall == Use.START and bool(said) and said <= OF_SIGMA
+
+
 def _short(calibration: Calibration) -> Allowed:
     """A calibration that was judged a start at most, with how far its focal length may be off as it states itself."""
     from calibrary.jobs.diff.uncertainty import std_of  # noqa: PLC0415  for the few that have a σ
 
-    if calibration.shortfall == "refuse":
+    if calibration.shortfall == Use.NONE:
         return Allowed(use=Use.NONE, why="its calibration was judged: it was refused")
     focal = std_of(calibration, "fx") / calibration.intrinsics.fx
     within = f"; fx may be off by {3 * focal:.2%} (3 σ)" if focal else ""

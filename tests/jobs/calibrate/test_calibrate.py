@@ -11,10 +11,10 @@ import pytest
 
 import calibrary
 from calibrary.arguments import Stated
-from calibrary.calib.verdict import BoardVerdict
 from calibrary.errors import CalibrationError, InputError
 from calibrary.records import encoded
 from calibrary.schemas import require
+from calibrary.validation import Use
 
 BOARD = "checkerboard:9x6"
 
@@ -38,7 +38,7 @@ def result(furnished: Path, steps: list[tuple[int, int, str]]) -> calibrary.Cali
 
 
 def test_it_says_how_far_to_trust_the_camera_and_why(result: calibrary.CalibrateReport) -> None:
-    assert result.verdict is BoardVerdict.PASS
+    assert result.verdict is Use.FIXED
     assert result.is_good
     assert "few-views" in {finding.rule for finding in result.findings}
     assert all(finding.message for finding in result.findings)

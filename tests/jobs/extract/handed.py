@@ -20,8 +20,9 @@ from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.extract import Program
 from calibrary.jobs.extract.hand_off import hand_off
 from calibrary.jobs.extract.targets import Candidate, Files
-from calibrary.jobs.use import Allowed, Use
+from calibrary.jobs.use import Allowed
 from calibrary.records import replace
+from calibrary.validation import Use
 
 SIZE = (5472, 3648)
 BROWN = BrownConrady(k1=-0.031, k2=0.012, p1=0.0008, p2=-0.0004)

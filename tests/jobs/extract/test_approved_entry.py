@@ -107,7 +107,7 @@ def test_what_is_proposed_and_contradicts_the_k_in_use_is_reported(
     path = entry(tmp_path / "registry", fx=fx, status="draft")
     path.write_text(
         f"{path.read_text()}quality: {{std: {{fx: 15.0, fy: 15.0}}}}\n"
-        'notes: ["provisional: not good enough to be kept fixed", "unstable: κ² is 5"]\n'
+        'notes: ["start: not good enough to be kept fixed", "unstable: κ² is 5"]\n'
     )
     picture(tmp_path / "flight/0.jpg", **P4R)
     report = gate(tmp_path / "flight", registry=files(tmp_path / "registry"))

@@ -26,8 +26,8 @@ from calibrary.evidence.metadata import FocalPlaneUnit
 from calibrary.jobs.extract import Program
 from calibrary.jobs.extract.hand_off import nearest
 from calibrary.jobs.extract.targets import TARGETS, seed_command
-from calibrary.jobs.use import Use
 from calibrary.records import replace
+from calibrary.validation import Use
 from tests.imagery import ExifTags, Namespace, XmpDescription, XmpPacket, attributes, write_jpeg
 from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, gate, picture, plan
 from tests.jobs.extract.handed import (

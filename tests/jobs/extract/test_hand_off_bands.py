@@ -16,7 +16,7 @@ from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata, XmpProper
 from calibrary.jobs.export.opensfm_names import odm_name, odm_names, opensfm_names
 from calibrary.jobs.extract.hand_off import HandOff, hand_off
 from calibrary.jobs.extract.targets import Candidate
-from calibrary.jobs.use import Use
+from calibrary.validation import Use
 from tests.jobs.extract.handed import BROWN, calibrated, candidate
 
 BANDS = {

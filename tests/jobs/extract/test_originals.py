@@ -13,9 +13,8 @@ from calibrary.distortion import BrownConrady, NoDistortion
 from calibrary.evidence.metadata import Encoding, ImageMetadata
 from calibrary.evidence.originality import Pixels
 from calibrary.jobs.extract.calibration_files import Rightness
-from calibrary.jobs.use import Use
 from calibrary.records import replace
-from calibrary.validation import Verdict
+from calibrary.validation import Use, Verdict
 from tests.evidence.scenes import p4_rtk, xmp
 from tests.imagery import ExifTags, Namespace, XmpDescription, XmpPacket, attributes, write_jpeg
 from tests.imagery.jpeg import JFIF, assemble, exif_segment, flat_scan

@@ -216,7 +216,7 @@ class TestNotebook:
 @pytest.mark.parametrize("wrapped", [None, "calibration", "calibrations", "cameras"])
 def test_what_calibrary_printed_is_read_whole(tmp_path: Path, wrapped: str | None) -> None:
     std = {"fx": 0.4, "fy": 0.4, "cx": 0.3, "cy": 0.3}
-    made = replace(CAMERA, quality=Quality(std=std), notes=("provisional: not good enough to be kept fixed",))
+    made = replace(CAMERA, quality=Quality(std=std), notes=("start: not good enough to be kept fixed",))
     own = made.to_dict()
     inside = {"calibration": own, "calibrations": [own], "cameras": [{"slug": "a", "calibration": own}]}
     document = own if wrapped is None else {wrapped: inside[wrapped], "model": "brown"}

@@ -65,7 +65,7 @@ def test_a_flight_joins_the_estimates_and_its_k_is_proposed(
     assert told["flight"]["intrinsics"]["fx"] == pytest.approx(CAMERA.intrinsics.fx, rel=3e-3)
     assert told["file"]["agreement"] != "disagrees"
     assert camera["decision"] == "draft proposed"
-    assert camera["flight"]["verdict"] == "provisional"
+    assert camera["flight"]["verdict"] == "start"
     assert "fly what its findings ask for before approving it" in camera["reason"]
     made = camera["entry"]["calibration"]["provenance"]
     assert (made["kind"], len(made["sources"])) == ("flight", 16)

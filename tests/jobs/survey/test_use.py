@@ -6,9 +6,10 @@ import pytest
 
 from calibrary import FLEET, Calibration, CameraKey, Grade, Intrinsics, Provenance, Quality, Verdict
 from calibrary.distortion import BrownConrady, NoDistortion
-from calibrary.jobs.use import Use, allowed
+from calibrary.jobs.use import allowed
 from calibrary.quality import Covariance
 from calibrary.records import replace
+from calibrary.validation import Use
 
 LENS = BrownConrady(k1=-0.1, k2=0.02, p1=0.0, p2=0.0, k3=0.0)
 MEASURED = Calibration(
@@ -43,7 +44,7 @@ def known_to(std_px: float) -> Calibration:
         ),
         (known_to(0.5), Verdict.VALID, Use.FIXED, "px over the frame and 0.02% of f"),
         (
-            replace(known_to(0.5), notes=("provisional: not good enough to be approved", "flat: one height")),
+            replace(known_to(0.5), notes=("start: not good enough to be approved", "flat: one height")),
             Verdict.VALID,
             Use.START,
             "its calibration was judged: a start only",
@@ -57,13 +58,20 @@ def test_what_may_be_done(calibration: Calibration | None, verdict: Verdict, use
 
 
 def test_a_start_says_how_far_it_may_be_off_and_solvers_get_its_sigma() -> None:
-    short = replace(
-        known_to(15.0), notes=("provisional: not good enough to be kept fixed", "flat: one height")
-    )
+    short = replace(known_to(15.0), notes=("start: not good enough to be kept fixed", "flat: one height"))
     found = allowed(short, FLEET)
     assert found.use is Use.START
     assert found.sigma_focal == pytest.approx(15.0 / 3000.0)
     assert "fx may be off by 1.50% (3 σ)" in found.why
+
+
+def test_a_start_for_its_sigma_alone_is_judged_by_sigma_under_each_policy() -> None:
+    said = (f"start: {Calibration.SHORT}", "uncertain-focal-length: σ is 0.07 %", "unproven-region: 30 %")
+    short = replace(known_to(2.0), notes=said)
+    wide = replace(FLEET, fixed_sigma_px=3.0)
+    assert [allowed(short, one).use for one in (FLEET, wide)] == [Use.START, Use.FIXED]
+    further = replace(short, notes=(*said, "stretched-print: squares are longer down"))
+    assert allowed(further, wide).use is Use.START
 
 
 def test_sigma_is_that_of_the_worst_pixel_with_the_camera_free_to_turn() -> None:

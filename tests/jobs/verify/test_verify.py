@@ -14,7 +14,6 @@ import calibrary
 from calibrary.calibration import Calibration, Grade
 from calibrary.cli.main import main
 from calibrary.distortion import BrownConrady
-from calibrary.jobs.use import Use
 from calibrary.jobs.verify import look as job
 from calibrary.jobs.verify.look import Look, look
 from calibrary.provenance import Provenance
@@ -25,7 +24,7 @@ from calibrary.sfm.alterations import MeasuredCamera
 from calibrary.sfm.engine import MatchedFlight
 from calibrary.sfm.mapping import positions_of
 from calibrary.sfm.pixel_check import PixelVerdict
-from calibrary.validation import Severity, Verdict
+from calibrary.validation import Severity, Use, Verdict
 from tests.cli.test_calibrate_flight import SEED
 from tests.cli.test_calibrate_flight import flight as images_of
 from tests.jobs.extract.fleet import DEWARP, NOBODY, P4R, matrix, picture
@@ -65,7 +64,7 @@ def pixels(monkeypatch: pytest.MonkeyPatch) -> Pixels:
                 distortion=BrownConrady(k1=-0.1, k2=0.02, p1=0.0, p2=0.0, k3=0.0),
                 quality=Quality(std={"fx": std * focal_px, "fy": std * focal_px}),
                 provenance=Provenance(kind="pixels", tag=f"the pixels of {len(paths)} images"),
-                notes=(f"provisional: {Calibration.SHORT}",),
+                notes=(f"start: {Calibration.SHORT}",),
             )
             return Look(chosen=len(paths), found=found, calibration=measured)
 

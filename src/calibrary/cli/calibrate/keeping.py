@@ -84,14 +84,14 @@ class Kept(Shown):
 
     def exit_code(self, done: Any, arguments: argparse.Namespace) -> int:
         """The code of the verdict, of a file that could not be written, and of an entry that met an objection."""
-        if done.unwritten is not None and done.verdict != "refuse":
+        if done.unwritten is not None and done.verdict != "none":
             return EXIT_UNWRITTEN
         return 0 if done.is_good and arguments.is_kept else EXIT_NOT_PASSED
 
 
 def _written(arguments: argparse.Namespace, report: Any) -> Iterator[str]:
     """Which of the files that the flags ask for were written, and why one was not."""
-    if is_kept(arguments) and report.verdict == "refuse":
+    if is_kept(arguments) and report.verdict == "none":
         yield "what is refused becomes no entry; nothing was written into the registry"
     if report.unwritten is not None:
         yield f"not written: {arguments.out}: {report.unwritten}"
@@ -123,7 +123,7 @@ def keep(
 
     if not is_kept(arguments):
         return True
-    if verdict == "refuse":
+    if verdict == "none":
         return False
     terms = call(_terms, arguments)
     change = opened(arguments).propose_entries(entries(), terms)
@@ -142,7 +142,7 @@ def keep(
         return True
     status, as_start = (
         first.status.value,
-        " as a start: no solver keeps it fixed" if verdict != "pass" else "",
+        " as a start: no solver keeps it fixed" if verdict != "fixed" else "",
     )
     change.write()
     show_written(screen, change.report, "approved" if status == "approved" else "wrote", count)

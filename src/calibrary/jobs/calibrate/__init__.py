@@ -3,7 +3,7 @@
 >>> from calibrary.jobs.calibrate import calibrate
 >>> result = calibrate("frames", board="checkerboard:9x6", square_mm=40)
 >>> result.verdict, result.calibration.camera.model
-(<BoardVerdict.PROVISIONAL: 'provisional'>, 'Board One')
+(<Use.START: 'start'>, 'Board One')
 """
 
 from __future__ import annotations

@@ -9,11 +9,11 @@ from typing import Generic, Protocol, Self, TypeAlias, TypeVar
 from msgspec import Struct
 
 from calibrary.atomic import check_folder, write_files
-from calibrary.calib.verdict import BoardVerdict
 from calibrary.errors import InputError, UnsupportedModelError, UsageError
 from calibrary.pages import check_page_place, render_page
 from calibrary.parsers.writing import why_unwritten
 from calibrary.records import replace
+from calibrary.validation import Use
 from calibrary.view import View
 
 
@@ -21,7 +21,7 @@ class Judged(Protocol):
     """Result of a job that calibrates: a record that also has ``unwritten``."""
 
     @property
-    def verdict(self) -> BoardVerdict:
+    def verdict(self) -> Use:
         """Verdict on the calibration."""
 
 
@@ -100,7 +100,7 @@ class Outputs(Struct, Generic[R], frozen=True, kw_only=True):
         content: dict[Path, bytes] = {}
         if self.out is not None and self.encode is not None:
             try:
-                if report.verdict is BoardVerdict.REFUSE:
+                if report.verdict is Use.NONE:
                     report = replace(report, unwritten="it is refused")
                 else:
                     content[self.out], report = self.encode(report, self.out.name)

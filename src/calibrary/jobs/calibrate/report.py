@@ -15,7 +15,7 @@ from calibrary.calib.lens_models import Solvable
 from calibrary.calib.misfit import Misfit
 from calibrary.calib.model_choice import Candidate
 from calibrary.calib.result import CalibrationResult, Flown, Rows, ViewResult, finite, rows
-from calibrary.calib.verdict import AskedUse, BoardVerdict, Limits, Uses
+from calibrary.calib.verdict import AskedUse, Limits, Uses
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.errors import InputError, UsageError
 from calibrary.jobs.calibrate.outputs import Encode
@@ -23,9 +23,9 @@ from calibrary.parsers.writing import format_to_write
 from calibrary.records import Record, replace, to_json
 from calibrary.registry.entry import VERDICT_BLOCK, Entry, seal
 from calibrary.strictyaml import YamlValue
-from calibrary.validation import Finding
+from calibrary.validation import Finding, Use
 
-__all__ = ["Asked", "BoardVerdict", "CalibrateReport", "Warp", "encoder", "report_of", "require_key"]
+__all__ = ["Asked", "CalibrateReport", "Use", "Warp", "encoder", "report_of", "require_key"]
 
 ON_BOARD: Final = "board"
 """Kind of provenance of calibrations that name their frames."""
@@ -68,7 +68,7 @@ class CalibrateReport(Record, tag_field="schema", tag="calibration-result-3"):
     """A calibration with its verdict and the evidence for it.
 
     Attributes:
-        verdict: pass: may be kept fixed; provisional: a start; refuse: not usable. The most severe finding decides.
+        verdict: what a solver may do with K; the most severe finding decides.
         uses: what K is good for, with the numbers that decide.
         findings: problems, most severe first, each with its remedy.
         calibration: K and distortion with their quality, and a provenance with date and source images.
@@ -104,7 +104,7 @@ class CalibrateReport(Record, tag_field="schema", tag="calibration-result-3"):
     ('pass', 10)
     """
 
-    verdict: BoardVerdict
+    verdict: Use
     uses: Uses
     findings: tuple[Finding, ...]
     calibration: Calibration
@@ -156,7 +156,7 @@ class CalibrateReport(Record, tag_field="schema", tag="calibration-result-3"):
         Raises:
             InputError: the calibration is refused, make or model of its camera is unknown, or it is not from frames.
         """
-        if self.verdict is BoardVerdict.REFUSE:
+        if self.verdict is Use.NONE:
             raise InputError("a calibration that was refused becomes no entry; its report says what to do")
         require_key(self.calibration.camera)
         made = self.calibration.provenance

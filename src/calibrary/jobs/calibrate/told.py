@@ -12,7 +12,6 @@ from typing import Final, TypeAlias
 
 from calibrary.calib.detection import Detections, NamedRemark
 from calibrary.calib.result import ViewResult
-from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration, Quality
 from calibrary.jobs.calibrate.page_plots import (
     board_plots,
@@ -27,7 +26,7 @@ from calibrary.pages.plots import correlations as correlation_plot
 from calibrary.pages.wording import SEVERITIES, count, rounded
 from calibrary.probability import two_digits, whole_percent
 from calibrary.provenance import facts, label
-from calibrary.validation import Finding, Severity
+from calibrary.validation import Finding, Severity, Use
 from calibrary.view import (
     Badge,
     Block,
@@ -47,14 +46,14 @@ from calibrary.view import (
 )
 
 OUTCOMES: Final = {
-    BoardVerdict.PASS: Badge("keep it fixed", Tone.GOOD),
-    BoardVerdict.PROVISIONAL: Badge("start from it", Tone.CAUTION),
-    BoardVerdict.REFUSE: Badge("not usable", Tone.BAD),
+    Use.FIXED: Badge("keep it fixed", Tone.GOOD),
+    Use.START: Badge("start from it", Tone.CAUTION),
+    Use.NONE: Badge("not usable", Tone.BAD),
 }
 LEADS: Final = {
-    BoardVerdict.PASS: "a solver may keep it fixed, or start from it",
-    BoardVerdict.PROVISIONAL: "a solver may start from it, and must not keep it fixed",
-    BoardVerdict.REFUSE: "no K was written; the corners can be solved again",
+    Use.FIXED: "a solver may keep it fixed, or start from it",
+    Use.START: "a solver may start from it, and must not keep it fixed",
+    Use.NONE: "no K was written; the corners can be solved again",
 }
 FLIGHT_REFUSED: Final = "no K was written; what to fly instead is above"
 MOST_ROWS: Final = 300
@@ -92,11 +91,11 @@ def told(
         correlations: whether to list the correlations of the parameters.
         files: what was written, in sentences.
     """
-    refused_flight = report.flown is not None and report.verdict is BoardVerdict.REFUSE
+    refused_flight = report.flown is not None and report.verdict is Use.NONE
     return View(
         title=f"Calibration of {report.calibration.camera}",
         badge=OUTCOMES[report.verdict],
-        lead=f"{report.verdict.word.upper()}: {_counted(report)}; "
+        lead=f"{report.verdict.value.upper()}: {_counted(report)}; "
         f"{FLIGHT_REFUSED if refused_flight else LEADS[report.verdict]}",
         facts=facts(report.calibration.provenance, traced=False),
         sections=tuple(_sections(report, detections, correlations=correlations, files=files)),
@@ -160,7 +159,7 @@ def findings_blocks(findings: Sequence[Finding], notes: Sequence[str]) -> Iterat
 
 
 def _parameters(report: CalibrateReport, *, correlations: bool) -> Iterator[Block]:
-    if report.verdict is BoardVerdict.REFUSE:
+    if report.verdict is Use.NONE:
         yield Details(summary="The numbers that were refused", blocks=tuple(_numbers(report)))
         return
     yield from _numbers(report)

@@ -3,7 +3,7 @@
 >>> from calibrary.jobs.calibrate_flight import calibrate_flight
 >>> result = calibrate_flight(result_of="sparse")
 >>> result.verdict, result.findings[0].rule
-(<BoardVerdict.PROVISIONAL: 'provisional'>, 'unproven-region')
+(<Use.START: 'start'>, 'unproven-region')
 """
 
 from __future__ import annotations

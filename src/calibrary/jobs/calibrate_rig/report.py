@@ -9,7 +9,6 @@ import numpy as np
 
 from calibrary.calib.rig.estimation import RigResult, ShotResult
 from calibrary.calib.rig.verdict import RigLimits
-from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration
 from calibrary.errors import CalibrationError, InputError
 from calibrary.jobs.calibrate.outputs import Encode
@@ -20,7 +19,7 @@ from calibrary.records import Record, replace
 from calibrary.registry.entry import Entry
 from calibrary.rig import Rig, RigCamera, RigMember, RigPose
 from calibrary.rotations import rotation_vector
-from calibrary.validation import Finding
+from calibrary.validation import Finding, Use
 
 
 class PoseDifference(Record):
@@ -72,7 +71,7 @@ class RigReport(Record, tag_field="schema", tag="rig-calibration-result-2"):
         cameras: calibration of each camera, reference first.
     """
 
-    verdict: BoardVerdict
+    verdict: Use
     findings: tuple[Finding, ...]
     notes: tuple[str, ...]
     unwritten: str | None
@@ -92,7 +91,7 @@ class RigReport(Record, tag_field="schema", tag="rig-calibration-result-2"):
     @property
     def is_good(self) -> bool:
         """Whether the verdict is pass."""
-        return self.verdict is BoardVerdict.PASS
+        return self.verdict is Use.FIXED
 
     @property
     def calibrations(self) -> dict[str, Calibration]:
@@ -122,7 +121,7 @@ class RigReport(Record, tag_field="schema", tag="rig-calibration-result-2"):
         Raises:
             InputError: the rig is refused or has no name, or make and model of a camera are unknown.
         """
-        if self.verdict is BoardVerdict.REFUSE:
+        if self.verdict is Use.NONE:
             raise InputError("a rig that was refused becomes no entries; its report says what to do")
         if self.name is None:
             raise InputError("entries of a rig name it; state rig_name", place="--rig-name")

@@ -52,7 +52,7 @@ def told(report: RigReport, *, files: tuple[str, ...] = ()) -> View:
     return View(
         title=f"Rig of {len(report.cameras)} cameras",
         badge=OUTCOMES[report.verdict],
-        lead=f"{report.verdict.word.upper()}: {len(report.cameras)} cameras, {len(report.shots)} shots "
+        lead=f"{report.verdict.value.upper()}: {len(report.cameras)} cameras, {len(report.shots)} shots "
         f"of {first.target} that two or more share, paired {report.pairing}; {LEADS[report.verdict]}",
         sections=tuple(_sections(report, files)),
         made_by=made_with(first),

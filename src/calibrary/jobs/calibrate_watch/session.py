@@ -23,14 +23,13 @@ from calibrary.calib.next_pose import NextPose, next_pose
 from calibrary.calib.observations import Observations, View
 from calibrary.calib.opencv_state import one_thread
 from calibrary.calib.result import CalibrationResult
-from calibrary.calib.verdict import BoardVerdict
 from calibrary.calib.view_quality import judge_repeats
 from calibrary.calibration import CameraKey, ImageSize
 from calibrary.errors import CalibrationError, InputError
 from calibrary.interrupts import interrupts_held
 from calibrary.jobs.calibrate.frames import is_frame, refuse_recordings
 from calibrary.records import Record
-from calibrary.validation import Severity
+from calibrary.validation import Severity, Use
 
 Stamp: TypeAlias = tuple[int, int]
 """File size in bytes and modification time, by which a file that is still being written is recognised."""
@@ -87,7 +86,7 @@ class WatchStatus(Record, tag_field="schema", tag="calibrate-watch-1"):
     new: tuple[WatchedFrame, ...]
     frames: int
     views: int
-    verdict: BoardVerdict | None
+    verdict: Use | None
     missing: tuple[str, ...]
     coverage: float
     image_size: ImageSize | None
@@ -210,7 +209,7 @@ class Watch:
             tilt_spread_deg=result.evidence.geometry.tilt_spread_deg if result is not None else None,
             sigma=_sigma(result) if result is not None else None,
             next=next_pose(self._board, self._size, result) if self._size is not None else None,
-            done=verdict is BoardVerdict.PASS,
+            done=verdict is Use.FIXED,
         )
 
 

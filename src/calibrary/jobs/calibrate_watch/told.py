@@ -7,19 +7,19 @@ from functools import partial
 
 import numpy as np
 
-from calibrary.calib.verdict import BoardVerdict
 from calibrary.jobs.calibrate_watch.session import WatchedFrame, WatchStatus
 from calibrary.pages.plots import Axis
 from calibrary.pages.plots.svg_plots import amount_map, cell_centres
 from calibrary.pages.wording import made_by
 from calibrary.probability import two_digits
+from calibrary.validation import Use
 from calibrary.view import Badge, Block, Column, Figure, KeyValues, Note, Plots, Section, Table, Tone, View
 
 REFRESH_S = 2
 BADGES = {
-    BoardVerdict.PASS: Badge("pass", Tone.GOOD),
-    BoardVerdict.PROVISIONAL: Badge("provisional", Tone.CAUTION),
-    BoardVerdict.REFUSE: Badge("not yet", Tone.BAD),
+    Use.FIXED: Badge("keep it fixed", Tone.GOOD),
+    Use.START: Badge("start from it", Tone.CAUTION),
+    Use.NONE: Badge("not yet", Tone.BAD),
     None: Badge("not yet", Tone.NEUTRAL),
 }
 LAST_FRAMES = 30

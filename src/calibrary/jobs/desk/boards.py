@@ -13,7 +13,7 @@ from typing import Final
 import msgspec
 
 from calibrary.errors import InputError
-from calibrary.jobs.calibrate.report import BoardVerdict, CalibrateReport
+from calibrary.jobs.calibrate.report import CalibrateReport
 from calibrary.jobs.calibrate.told import told
 from calibrary.jobs.calibrate_watch.session import WatchedFrame, WatchStatus
 from calibrary.jobs.calibrate_watch.told import told as watched
@@ -33,6 +33,7 @@ from calibrary.jobs.desk.running import (
 )
 from calibrary.jobs.desk.work import Job
 from calibrary.records import from_json, replace
+from calibrary.validation import Use
 from calibrary.view import (
     Badge,
     Block,
@@ -190,7 +191,7 @@ def _files(address: str) -> Iterator[Block]:
 
 
 def _next(done: CalibrateReport, address: str) -> Iterator[Block]:
-    if done.verdict is BoardVerdict.REFUSE:
+    if done.verdict is Use.NONE:
         yield "What is refused becomes no entry."
         return
     yield "It becomes a proposal, in your name. What is in use stays in use."

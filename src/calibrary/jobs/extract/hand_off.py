@@ -20,13 +20,13 @@ from calibrary.jobs.extract import Program
 from calibrary.jobs.extract.extraction import JudgedCamera
 from calibrary.jobs.extract.targets import TARGETS, UNJUDGED, Candidate, Candidates, Dataset, refinement
 from calibrary.jobs.images.places import is_url
-from calibrary.jobs.use import Allowed, Use
+from calibrary.jobs.use import Allowed
 from calibrary.parsers.discovery import format_named
 from calibrary.parsers.fit import adapt, compare
 from calibrary.parsers.format import FREE_LENS, UNKNOWN_LENS, Fidelity, Fit, in_words
 from calibrary.probability import two_digits
 from calibrary.records import Record, replace
-from calibrary.validation import Verdict
+from calibrary.validation import Use, Verdict
 
 START_ERROR: Final = 0.005
 """Largest error of a start as a fraction of the image's diagonal: what a nominal focal length is off."""

@@ -43,10 +43,11 @@ from calibrary.jobs.export.opensfm_names import (
     opensfm_names,
 )
 from calibrary.jobs.extract import Program
-from calibrary.jobs.use import Allowed, Use
+from calibrary.jobs.use import Allowed
 from calibrary.parsers.fit import refit
 from calibrary.parsers.opensfm_models import opensfm_camera
 from calibrary.records import encoded, replace
+from calibrary.validation import Use
 
 OPENSFM_MODELS: Final = "camera_models_overrides.json"
 OPENSFM_IMAGES: Final = "exif_overrides.json"

@@ -12,10 +12,10 @@ from calibrary.errors import InputError, RegistryError
 from calibrary.jobs.extract import extract
 from calibrary.jobs.files import chosen
 from calibrary.jobs.resolve import resolve
-from calibrary.jobs.use import Use, allowed
+from calibrary.jobs.use import allowed
 from calibrary.policy import FLEET
 from calibrary.records import Record
-from calibrary.validation import Verdict
+from calibrary.validation import Use, Verdict
 
 
 class OneK(Record, tag_field="schema", tag="calibrary/k-1"):

@@ -15,7 +15,6 @@ from typing import Final
 from calibrary.arguments import Stated
 from calibrary.calib.detection import Detections
 from calibrary.calib.result import CalibrationResult
-from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration, CameraKey, Grade, SourceFile
 from calibrary.errors import CalibraryError, InputError
 from calibrary.evidence.metadata import ImageMetadata
@@ -37,7 +36,7 @@ from calibrary.registry.paths import folder_of, id_of
 from calibrary.registry.resolution import Resolution
 from calibrary.registry.snapshot import Snapshot
 from calibrary.strictyaml import YamlValue
-from calibrary.validation import Finding, Severity
+from calibrary.validation import Finding, Severity, Use
 
 SIGMAS: Final = 3.0
 MOST_RELATIVES: Final = 12
@@ -90,7 +89,7 @@ def _estimate(kind: Kind, one: Placed, camera: PayloadCamera, survey: Survey) ->
     elif kind is Kind.FILE and (_is_start(claim) or _is_computed(survey.weigh(claim))):
         made = None
     elif kind in {Kind.BOARD, Kind.FLIGHT} and calibration.shortfall is not None:
-        # A provisional solve comes last among the measurements of this unit.
+        # A start comes last among the measurements of this unit.
         rank = (calibration.grade.rank, len(Kind))
     if kind is Kind.REGISTRY or made is None or one.settled is Settled.AMBIGUOUS:
         rank = None
@@ -109,7 +108,7 @@ def _estimate(kind: Kind, one: Placed, camera: PayloadCamera, survey: Survey) ->
 
 def _of_solve(solve: ImageSolve | None, who: Who) -> tuple[Claim, ...]:
     result = solve.result if solve is not None else None
-    if result is None or result.verdict is BoardVerdict.REFUSE:
+    if result is None or result.verdict is Use.NONE:
         return ()
     K, count = result.calibration, len(result.rms_by_view)
     std = K.quality.std.get("fx", 0.0) if K.quality is not None and who is Who.FLIGHT else 0.0

@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import msgspec
 
-from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics
 from calibrary.jobs.diff.comparison import ChangeVerdict
 from calibrary.jobs.images.folders import SkippedFile
 from calibrary.records import Meta, Record
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.git.objects import ObjectId
-from calibrary.validation import Finding
+from calibrary.validation import Finding, Use
 
 if TYPE_CHECKING:
     from calibrary.calib.detection import Detections
@@ -147,7 +146,7 @@ class ImageSolve(Record):
 
     images: Annotated[int, Meta(ge=1)]
     board: str | None = None
-    verdict: BoardVerdict | None = None
+    verdict: Use | None = None
     rms_px: float | None = None
     reason: str | None = None
     detections: Detections | None = None
@@ -156,7 +155,7 @@ class ImageSolve(Record):
     @classmethod
     def of(cls, images: Sequence[object], detections: Detections, result: CalibrationResult) -> ImageSolve:
         """The result of a solve; of a refused one with the reason."""
-        quality, refused = result.calibration.quality, result.verdict is BoardVerdict.REFUSE
+        quality, refused = result.calibration.quality, result.verdict is Use.NONE
         return cls(
             images=len(images),
             board=str(result.observations.board),

@@ -18,7 +18,6 @@ from msgspec import Struct
 from calibrary.arguments import Stated, Terms
 from calibrary.calib.board import Board
 from calibrary.calib.result import CalibrationResult
-from calibrary.calib.verdict import BoardVerdict
 from calibrary.calibration import Calibration, CameraKey
 from calibrary.catalogue import overlay
 from calibrary.errors import CalibraryError, CalibrationError, InputError, RegistryError, UsageError, first_of
@@ -69,6 +68,7 @@ from calibrary.registry.proposals import note_of, propose, save
 from calibrary.registry.registry import Registry
 from calibrary.registry.resolution import Resolution
 from calibrary.sfm.pixel_judging import FEWEST_IMAGES
+from calibrary.validation import Use
 
 BRANCHES: Final = "onboard/"
 SQUARE: Final = "--square-mm MM"
@@ -485,9 +485,9 @@ def _why(
     told += f"; {', '.join(overruled)} not believed" if overruled else ""
     if nominal:
         told += "; a nominal K is of the model, so it is proposed for the model and not for the unit"
-    if solved is not None and solved.verdict is BoardVerdict.PROVISIONAL:
+    if solved is not None and solved.verdict is Use.START:
         better = "take better frames" if chosen.kind is Kind.BOARD else "fly what its findings ask for"
-        told += f"; provisional: {better} before approving it"
+        told += f"; a start only: {better} before approving it"
     return told
 
 

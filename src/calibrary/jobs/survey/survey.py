@@ -25,11 +25,11 @@ from calibrary.jobs.survey.relating import (
     relate,
     relate_as_read,
 )
-from calibrary.jobs.use import Allowed, Use, allowed
+from calibrary.jobs.use import Allowed, allowed
 from calibrary.policy import Policy
 from calibrary.quality import Quality
 from calibrary.records import replace
-from calibrary.validation import EDITED, PLAUSIBLE, Finding, Severity, Verdict, validate
+from calibrary.validation import EDITED, PLAUSIBLE, Finding, Severity, Use, Verdict, validate
 
 
 class Against(Struct, frozen=True, kw_only=True):

@@ -174,7 +174,7 @@ def _with_sigma(adjusted: Calibration, found: MeasuredCamera, known: CameraUncer
         grade=Grade.ADJUSTED,
         quality=Quality(views=found.images, std={**std, "fx": focal, "fy": focal}),
         provenance=Provenance(kind="pixels", source="pixels", tag=f"the pixels of {found.images} images"),
-        notes=(f"provisional: {Calibration.SHORT}",),
+        notes=(f"start: {Calibration.SHORT}",),
         extras=(),
     )
 
