@@ -57,7 +57,7 @@ def other_camera(
     a: Calibration, b: Calibration, numbers: Numbers, named: Sequence[Structural]
 ) -> Iterator[Structural]:
     """Report another camera or lens if nothing else explains the difference: no cause, no copy and no noise."""
-    explained = numbers.significance is not None and numbers.significance.explains
+    explained = numbers.significance.explains
     is_named = any(one.kind is not Kind.RESIZE for one in named)
     if is_named or explained or not numbers.matters or numbers.common.is_one_measurement:
         return

@@ -18,7 +18,7 @@ from calibrary.errors import CalibrationError
 from calibrary.jobs.diff.causes import causes, other_camera
 from calibrary.jobs.diff.frames import check_units, common_frame
 from calibrary.jobs.diff.numbers import Ground, Numbers, Parameter, numbers_of, what_moved
-from calibrary.jobs.diff.uncertainty import PRIORS, Basis, std_of
+from calibrary.jobs.diff.uncertainty import PRIORS, Basis, Significance, std_of
 from calibrary.jobs.diff.verdicts import ALARMING, ChangeVerdict, Kind, Structural, Use
 from calibrary.jobs.diff.wording import chance, listed, percent, pixels
 from calibrary.pages.notebook import in_notebook
@@ -100,23 +100,6 @@ class Projection(Record):
     centre_rms_px: Annotated[float, Meta(ge=0)]
     rotation_deg: Annotated[float, Meta(ge=0)]
     unknown_share: Annotated[float, Meta(ge=0, le=1)]
-
-
-class Significance(Record):
-    """Significance of the difference.
-
-    Attributes:
-        basis: basis of the uncertainty of the difference.
-        p: probability of a difference this large from noise alone; null if no uncertainty may be assumed.
-        explains: whether noise explains every part of the difference that matters; null if p is null.
-        spread_a, spread_b: source of the standard deviations of a and b.
-    """
-
-    basis: Basis
-    p: Annotated[float, Meta(ge=0, le=1)] | None
-    explains: bool | None
-    spread_a: str
-    spread_b: str
 
 
 class Difference(Record):
@@ -265,7 +248,7 @@ def _judged(
 
 
 def _difference(numbers: Numbers, altitude_m: float) -> Difference:
-    seen, found = numbers.difference, numbers.significance
+    seen = numbers.difference
     return Difference(
         image_size=numbers.a.intrinsics.image_size,
         parameters=numbers.parameters,
@@ -280,13 +263,7 @@ def _difference(numbers: Numbers, altitude_m: float) -> Difference:
             unknown_share=float(numbers.unknown.mean()),
         ),
         ground=numbers.ground(altitude_m),
-        significance=Significance(
-            basis=numbers.basis,
-            p=found.p if found is not None else None,
-            explains=found.explains if found is not None else None,
-            spread_a=numbers.spread_a.source,
-            spread_b=numbers.spread_b.source,
-        ),
+        significance=numbers.significance,
         distortion_compared=numbers.lens_compared,
     )
 
@@ -307,8 +284,7 @@ def _verdict(numbers: Numbers | None, structural: tuple[Structural, ...]) -> Cha
 
 
 def _is_drift(numbers: Numbers) -> bool:
-    explained = numbers.significance is not None and numbers.significance.explains
-    return numbers.matters and not explained
+    return numbers.matters and not numbers.significance.explains
 
 
 def _is_identical(numbers: Numbers) -> bool:
@@ -321,7 +297,7 @@ def _is_identical(numbers: Numbers) -> bool:
 
 
 def _p(numbers: Numbers) -> float:
-    return (numbers.significance.p if numbers.significance is not None else None) or 0.0
+    return numbers.significance.p or 0.0
 
 
 def _reasons(
@@ -354,7 +330,7 @@ def _reasons(
         notes.append(edit)
     if structural:
         return notes
-    if numbers.basis is Basis.COPY:
+    if numbers.significance.basis is Basis.COPY:
         return notes
     if moved is not None:
         notes.append(moved)
@@ -371,7 +347,7 @@ def _identity(numbers: Numbers) -> str:
 def _known(numbers: Numbers) -> tuple[str, ...]:
     """How well each side's focal length is known, if one is nominal: of that the grade is all that tells."""
     sides = {"A": numbers.a, "B": numbers.b}
-    if numbers.basis is Basis.COPY or all(one.grade.is_measured for one in sides.values()):
+    if numbers.significance.basis is Basis.COPY or all(one.grade.is_measured for one in sides.values()):
         return ()
     within = {
         name: 2.0 * (std_of(one, "fx") / one.intrinsics.fx or PRIORS[one.grade].focal)
@@ -385,20 +361,19 @@ def _known(numbers: Numbers) -> tuple[str, ...]:
 
 
 def _explained(numbers: Numbers) -> str:
-    if numbers.significance is None:
+    found = numbers.significance
+    if found.explains is None:
         return "no measured uncertainty explains it: at least one of the two states none"
-    if numbers.significance.p is None and not numbers.significance.explains:
-        return f"it is more than two calibrations of these grades usually differ by ({numbers.basis.value})"
+    if found.p is None and not found.explains:
+        return f"it is more than two calibrations of these grades usually differ by ({found.basis.value})"
     p = chance(_p(numbers))
-    if not numbers.significance.explains:
-        return f"noise would do so with a chance of {p} ({numbers.basis.value})"
+    if not found.explains:
+        return f"noise would do so with a chance of {p} ({found.basis.value})"
     if not numbers.is_measured:
-        return (
-            f"two independent calibrations of these grades usually differ by as much ({numbers.basis.value})"
-        )
+        return f"two independent calibrations of these grades usually differ by as much ({found.basis.value})"
     if numbers.is_noise_large:
         return "it is within noise, and the noise is large: calibrate better"
-    return f"it is within noise, which does as much in {p} of all cases ({numbers.basis.value})"
+    return f"it is within noise, which does as much in {p} of all cases ({found.basis.value})"
 
 
 def _edit(numbers: Numbers) -> str | None:

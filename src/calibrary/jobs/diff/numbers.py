@@ -28,7 +28,7 @@ from calibrary.jobs.diff.uncertainty import (
     covariances_of,
     image_scale,
     is_usual,
-    significance,
+    noise_test,
     spread_of,
     std_of,
 )
@@ -89,8 +89,7 @@ class Numbers(Struct, frozen=True, kw_only=True, eq=False):
         difference: between the projections over the whole image, after the rotation that minimises its RMS.
         focal_change: Δf / f, of fx or fy, whichever is larger.
         scale: change of the image scale: the part of Δf / f that the distortion does not compensate.
-        basis: basis of the uncertainty of the difference.
-        significance: of the difference; None without an uncertainty.
+        significance: of the difference.
         spread_a, spread_b: uncertainty of each, and its source.
         blind: (R, C) True where only one of the two has a projection.
         policy: policy with the limits.
@@ -104,8 +103,7 @@ class Numbers(Struct, frozen=True, kw_only=True, eq=False):
     difference: ProjectionDifference
     focal_change: float
     scale: Scale
-    basis: Basis
-    significance: Significance | None
+    significance: Significance
     spread_a: Spread
     spread_b: Spread
     blind: BoolArray
@@ -115,7 +113,7 @@ class Numbers(Struct, frozen=True, kw_only=True, eq=False):
     @property
     def is_measured(self) -> bool:
         """Whether the uncertainty of the difference is based on a measured covariance."""
-        return self.basis in {Basis.BOTH, Basis.ONE}
+        return self.significance.basis in {Basis.BOTH, Basis.ONE}
 
     @property
     def matters(self) -> bool:
@@ -189,6 +187,16 @@ def numbers_of(a: Calibration, b: Calibration, policy: Policy) -> Numbers:
         difference = replace(difference, vectors=-difference.vectors, rotation_rad=-difference.rotation_rad)
         by = 1.0 / (1.0 + scale.change)
         scale = Scale(change=by - 1.0, std=scale.std * by**2 if scale.std is not None else None)
+    tested = noise_test(
+        difference,
+        scale,
+        level=policy.drift_significance,
+        matters_px=min(policy.drift_rms_px, policy.drift_max_px),
+        matters_scale=policy.drift_focal,
+    )
+    p, explains = tested if tested is not None else (None, None)
+    if basis in {Basis.TYPICAL, Basis.PARTIAL}:
+        p, explains = None, is_usual(one, two)
     return Numbers(
         a=a,
         b=b,
@@ -197,15 +205,8 @@ def numbers_of(a: Calibration, b: Calibration, policy: Policy) -> Numbers:
         difference=difference,
         focal_change=_focal_change(a, b),
         scale=scale,
-        basis=basis,
-        significance=Significance(p=None, explains=is_usual(one, two))
-        if basis in {Basis.TYPICAL, Basis.PARTIAL}
-        else significance(
-            difference,
-            scale,
-            level=policy.drift_significance,
-            matters_px=min(policy.drift_rms_px, policy.drift_max_px),
-            matters_scale=policy.drift_focal,
+        significance=Significance(
+            basis=basis, p=p, explains=explains, spread_a=spreads[0].source, spread_b=spreads[1].source
         ),
         spread_a=spreads[0],
         spread_b=spreads[1],

@@ -193,11 +193,11 @@ def _in_numbers(numbers: Numbers) -> Iterator[Block]:
             ("change of the focal length", minus(percent(numbers.focal_change))),
             (
                 "chance of it from noise",
-                chance(found.p) if found is not None and found.p is not None else "unknown",
+                chance(found.p) if found.p is not None else "unknown",
             ),
-            ("uncertainty of the difference", numbers.basis.value),
-            ("σ of A", numbers.spread_a.source),
-            ("σ of B", numbers.spread_b.source),
+            ("uncertainty of the difference", numbers.significance.basis.value),
+            ("σ of A", found.spread_a),
+            ("σ of B", found.spread_b),
         )
     )
     yield SideBySide((table, facts))
@@ -265,7 +265,7 @@ def _maps(numbers: Numbers, known: BoolArray) -> Iterator[Figure]:
         std,
         seen.image_size,
         axis=Axis("1 σ of the difference", "px"),
-        caption=f"Uncertainty of the difference: {numbers.basis.value}.",
+        caption=f"Uncertainty of the difference: {numbers.significance.basis.value}.",
         inside=inside,
     )
 

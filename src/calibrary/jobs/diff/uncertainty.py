@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from enum import StrEnum
-from typing import Final
+from typing import Annotated, Final
 
 from msgspec import Struct
 
@@ -32,6 +32,7 @@ from calibrary.jobs.diff.common_numbers import K_NAMES, Common, has_other_source
 from calibrary.jobs.diff.lens_rays import axial, is_one_lens
 from calibrary.jobs.diff.wording import listed
 from calibrary.probability import normal_tails
+from calibrary.records import Meta, Record
 
 
 class Prior(Struct, frozen=True, kw_only=True):
@@ -187,17 +188,23 @@ class Scale(Struct, frozen=True, kw_only=True):
     std: float | None
 
 
-class Significance(Struct, frozen=True, kw_only=True):
+class Significance(Record):
     """Significance of a difference.
 
     Attributes:
-        p: twice the smaller of the two tests' probabilities of such a difference from noise alone; None if what is
-            usual stands in for noise.
-        explains: whether noise explains every part of the difference that matters.
+        basis: basis of the uncertainty of the difference.
+        p: twice the smaller of the two tests' probabilities of such a difference from noise alone; null if no
+            uncertainty may be assumed, or if what is usual stands in for noise.
+        explains: whether noise explains every part of the difference that matters; null if no uncertainty may be
+            assumed.
+        spread_a, spread_b: source of the standard deviations of a and b.
     """
 
-    p: float | None
-    explains: bool
+    basis: Basis
+    p: Annotated[float, Meta(ge=0, le=1)] | None
+    explains: bool | None
+    spread_a: str
+    spread_b: str
 
 
 def basis_of(a: Calibration, b: Calibration, spreads: tuple[Spread, Spread], common: Common) -> Basis:
@@ -269,9 +276,9 @@ def image_scale(difference: ProjectionDifference) -> Scale:
     return max(found, key=lambda scale: abs(scale.change))
 
 
-def significance(
+def noise_test(
     difference: ProjectionDifference, scale: Scale, *, level: float, matters_px: float, matters_scale: float
-) -> Significance | None:
+) -> tuple[float, bool] | None:
     """Compare a difference with its propagated noise.
 
     Args:
@@ -282,7 +289,7 @@ def significance(
         matters_scale: a smaller change of scale needs no explanation.
 
     Returns:
-        The significance; None without a covariance.
+        Its probability from noise alone, and whether noise explains what matters of it; None without a covariance.
     """
     if difference.noise is None:
         return None
@@ -296,9 +303,7 @@ def significance(
     by_scale = _two_sided(scale)
     pixels_explained = of_large >= level / 2
     scale_explained = by_scale >= level / 2 or abs(scale.change) < matters_scale
-    return Significance(
-        p=min(1.0, 2 * min(by_pixel, by_scale)), explains=pixels_explained and scale_explained
-    )
+    return min(1.0, 2 * min(by_pixel, by_scale)), pixels_explained and scale_explained
 
 
 def _two_sided(scale: Scale) -> float:
