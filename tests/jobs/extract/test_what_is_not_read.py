@@ -9,6 +9,7 @@ import pytest
 from calibrary.errors import InputError
 from calibrary.evidence.context import numbers
 from calibrary.evidence.metadata import ImageMetadata
+from calibrary.jobs.extract import extract
 from calibrary.jobs.extract.cameras import group_cameras
 from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
@@ -46,6 +47,13 @@ def test_nan_in_one_images_calibration_is_told_with_a_count(tmp_path: Path) -> N
     camera = only(gate(tmp_path)).camera
     [(dropped, count)] = camera.dropped
     assert (dropped.tag, count) == ("drone-dji:DewarpData", 1)
+
+
+def test_what_an_earlier_run_wrote_among_the_images_changes_nothing(tmp_path: Path) -> None:
+    picture(tmp_path / "a.jpg", make="FarEye", model="X9", focal_mm=(88, 10), focal_35mm=24)
+    first, second = extract(tmp_path, out=tmp_path / "K.npy"), extract(tmp_path, out=tmp_path / "K.npy")
+    assert (tmp_path / "K.json").exists()
+    assert (second.cameras[0].why, second.warnings) == (first.cameras[0].why, first.warnings)
 
 
 @pytest.mark.parametrize("text", ["１.５", "1_5", "nan", "inf", "0x10", "1,５"])

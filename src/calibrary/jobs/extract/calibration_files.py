@@ -62,6 +62,7 @@ MOST_OF_A_NAME: Final = 50
 """More files than this with one unusual suffix are files that a camera or program writes for each image."""
 SEED: Final = re.compile(r".*_(seed|unproven)(\..+)?\.npy")
 """Names of files that extract itself writes for a K that is not valid."""
+OWN_REPORT: Final = re.compile(rb'\s*\{\s*"schema"\s*:\s*"calibrary/report-')
 
 CENTRED: Final = 0.1
 """Largest distance of the principal point from the image centre, as a fraction, for a K without an image size."""
@@ -126,10 +127,21 @@ def _calibration_files(paths: Sequence[Path]) -> Iterator[Path]:
     counts = Counter(_suffix(path.name) for path in paths)
     for path in paths:
         suffix = _suffix(path.name)
-        if SEED.fullmatch(path.name):
+        if SEED.fullmatch(path.name) or _is_own_report(path):
             continue
         if suffix in USUAL or (counts[suffix] <= MOST_OF_A_NAME and _is_claimed(path)):
             yield path
+
+
+def _is_own_report(path: Path) -> bool:
+    """Whether extract wrote it of these images, on which it is no other witness."""
+    if path.suffix.lower() != ".json":
+        return False
+    try:
+        with path.open("rb") as file:
+            return OWN_REPORT.match(file.read(100)) is not None
+    except OSError:
+        return False
 
 
 def _suffix(name: str) -> str:
