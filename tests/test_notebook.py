@@ -10,6 +10,7 @@ import pytest
 import calibrary
 from calibrary.calibration import CameraKey
 from calibrary.interop.notebook import html_rows
+from calibrary.jobs.diff.fleet import FleetDiffReport
 from tests.jobs.extract.fleet import DEWARP, P4R, entry, files, picture
 from tests.workshop import CAMERA
 
@@ -50,6 +51,11 @@ def test_a_change_with_its_reason_and_what_to_do() -> None:
     change = calibrary.compare(CAMERA, other)
     shown = text_of(change._repr_html_())
     assert f"|structural: transcode, needs attention. {change.advice}|" in shown.replace("&#x27;", "'")
+
+
+def test_a_fleet_since_a_day_without_anything_to_compare() -> None:
+    shown = text_of(FleetDiffReport(changes=(), unmatched="no entry was in use then")._repr_html_())
+    assert "no entry was in use then" in shown
 
 
 def test_a_registry_its_entries_and_its_answers(flight: Path) -> None:

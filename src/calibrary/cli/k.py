@@ -26,14 +26,11 @@ K counts from the outer corner of the top-left pixel, whose centre is (0.5, 0.5)
 
 class _K(Shown):
     def show(self, done: OneK, arguments: argparse.Namespace, **_: Any) -> None:  # noqa: ARG002  as of Shown
-        """Print three lines of three numbers, for programs."""
-        sys.stdout.write("".join("{} {} {}\n".format(*row) for row in done.intrinsics.rows))
-
-    def exit_code(self, done: OneK, arguments: argparse.Namespace) -> int:
+        """Print three lines of three numbers for programs, and what they are for people."""
         from calibrary.cli.console import errors
 
+        sys.stdout.write("".join("{} {} {}\n".format(*row) for row in done.intrinsics.rows))
         errors().say(f"calibrary: {'' if done.calibration is not None else 'a seed, no K: '}{done.why}")
-        return super().exit_code(done, arguments)
 
 
 COMMAND = _K(k, DESCRIPTION, EXAMPLES, positional={"what": "IMAGE|FILE|KEY"}, exits={"is_usable": 1})

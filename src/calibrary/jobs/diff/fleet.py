@@ -10,6 +10,7 @@ from calibrary.calibration import CameraKey
 from calibrary.errors import CalibraryError, InputError
 from calibrary.jobs.diff.comparison import ChangeVerdict, DiffReport, compare
 from calibrary.jobs.diff.verdicts import Kind
+from calibrary.pages.notebook import in_notebook
 from calibrary.policy import FLEET, Policy
 from calibrary.records import Meta, Record, replace
 from calibrary.registry.entry import Entry
@@ -77,6 +78,10 @@ class FleetDiffReport(Record, tag_field="schema", tag="calibrary/fleet-diff-1"):
     def alarm(self) -> bool:
         """Whether any change needs attention, or there was nothing to compare."""
         return self.unmatched is not None or any(change.alarm for change in self.changes)
+
+    def _repr_html_(self) -> str:
+        """Return the changed entries, worst first, as HTML, for notebooks."""
+        return in_notebook(self)
 
 
 def since(
