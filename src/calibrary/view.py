@@ -257,6 +257,7 @@ class Form(Struct, frozen=True, kw_only=True):
         fields: its inputs.
         is_question: whether it only asks, so that its answer has an address that can be sent on.
         drops: address that dropped files are read by, where the page's script reads them; None if they are sent whole.
+        is_aside: whether it is not what the page is for; of the others the first has the page's one strong button.
     """
 
     kind: ClassVar[str] = "form"
@@ -266,6 +267,7 @@ class Form(Struct, frozen=True, kw_only=True):
     fields: tuple[Field, ...] = ()
     is_question: bool = False
     drops: str | None = None
+    is_aside: bool = False
 
 
 class Running(Struct, frozen=True, kw_only=True):

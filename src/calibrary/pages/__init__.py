@@ -49,6 +49,12 @@ class Frame(Struct, frozen=True, kw_only=True):
     script: str
     token: str
 
+    def way_of(self, address: str) -> Link | None:
+        """The way that leads to an address, or to a page above it; None if no one does."""
+        above = [way for way in self.ways if f"{address}/".startswith(f"{way.target.rstrip('/')}/")]
+        found = max(above, key=lambda way: len(way.target), default=None)
+        return found if found is None or found.target != "/" or address == "/" else None
+
 
 def check_page_place(html: str | Path | None) -> Path | None:
     """Check before any work that a page can be written; returns its path, and None where no page is wanted.
@@ -76,7 +82,7 @@ def write_page(path: Path, page: View) -> None:
     write_files({path: render_page(page).encode()})
 
 
-def render_page(page: View, *, script: str | None = None, frame: Frame | None = None) -> str:
+def render_page(page: View, *, script: str | None = None, frame: Frame | None = None, at: str = "") -> str:
     """Render a page as HTML that loads nothing from the network and runs no script except ``script``.
 
     As a second barrier, the Content-Security-Policy in its head allows only this style sheet, this script and
@@ -86,6 +92,7 @@ def render_page(page: View, *, script: str | None = None, frame: Frame | None = 
         page: the content.
         script: JavaScript of calibrary, never from input; the page must also work without it.
         frame: what a server puts around it; the policy is then in the server's headers, by :func:`served_policy`.
+        at: the page's address there.
 
     Raises:
         InputError: a figure's drawing is not an SVG.
@@ -100,7 +107,7 @@ def render_page(page: View, *, script: str | None = None, frame: Frame | None = 
         f"default-src 'none'; style-src {_digest(style)};{scripts} img-src data:; base-uri 'none'; "
         "form-action 'none'"
     )
-    return fill(page, security=security, style=style, script=script, frame=frame)
+    return fill(page, security=security, style=style, script=script, frame=frame, at=at)
 
 
 def served_policy() -> str:

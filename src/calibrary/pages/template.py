@@ -19,7 +19,15 @@ LONGEST_ALT = 2_000
 _WHOLE = re.compile(r"(?<![\w-])--\w[\w-]*|\b\d{4}-\d\d-\d\d\b")
 
 
-def fill(page: View, *, security: str, style: str, script: str | None, frame: Frame | None = None) -> str:
+def fill(
+    page: View,
+    *,
+    security: str,
+    style: str,
+    script: str | None,
+    frame: Frame | None = None,
+    at: str = "",
+) -> str:
     """The page as HTML.
 
     Args:
@@ -28,6 +36,7 @@ def fill(page: View, *, security: str, style: str, script: str | None, frame: Fr
         style: calibrary's style sheet.
         script: calibrary's script, if any.
         frame: what a server puts around the page, if one does.
+        at: the page's address there.
 
     Raises:
         InputError: a figure's drawing is not an SVG.
@@ -44,6 +53,7 @@ def fill(page: View, *, security: str, style: str, script: str | None, frame: Fr
         anchors=names,
         drawing=drawing,
         frame=frame,
+        here=frame.way_of(at) if frame is not None else None,
         security=security,
         style=Markup(style),  # noqa: S704  our own file
         script=Markup(script) if script is not None else None,  # noqa: S704  our own file

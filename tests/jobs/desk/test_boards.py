@@ -31,7 +31,7 @@ def asked(one: Tab, form: str, **answers: str) -> None:
     place = one.page.locator(f"form[action='{form}']")
     for name, text in answers.items():
         place.locator(f"[name='{name}']").fill(text)
-    place.get_by_role("button").click()
+    place.locator("button").click()
 
 
 def test_frames_of_a_folder_are_solved_and_proposed_once_it_is_confirmed(

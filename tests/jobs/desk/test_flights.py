@@ -32,13 +32,13 @@ def by_path(one: Tab, place: Path | str, *, program: str = "no program") -> None
     form = one.page.locator("form[action='/flight']")
     form.get_by_label("Folder or address").fill(str(place))
     form.get_by_label("Also files for").select_option(label=program)
-    form.get_by_role("button").click()
+    form.locator("button").click()
 
 
 def dropped(one: Tab, files: list[Any]) -> None:
     one.page.goto(f"{one.home}/flight")
     one.page.locator("input[type=file]").set_input_files(files)
-    one.page.get_by_role("button", name="Check these files").click()
+    one.page.get_by_role("button", name="Check these images").click()
 
 
 def kept(one: Tab, folder: Path) -> dict[str, bytes]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import http.client
 import os
+import queue
+import re
 import signal
 import socket
 import subprocess
@@ -48,7 +50,7 @@ def asked(
         connection.putheader("Content-Length", str(len(body)))
     connection.endheaders(body.encode() or None)
     answer = connection.getresponse()
-    text = answer.read().decode()
+    text = answer.read().decode("utf-8", "replace")
     connection.close()
     return answer.status, answer.headers, text
 
@@ -301,3 +303,42 @@ def test_ctrl_c_ends_it_in_peace_and_leaves_nothing(fleet: Path, tmp_path: Path)
     assert process.returncode == 0
     assert err == "Ctrl-C ends it\nended\n"
     assert [*scratch.iterdir()] == []
+
+
+def test_the_address_that_a_browser_is_started_with_opens_the_desk_once(fleet: Path) -> None:
+    launched: queue.Queue[str] = queue.Queue()
+    server = desk(fleet)
+    thread = threading.Thread(target=server.run, args=(launched.put,))
+    thread.start()
+    address = launched.get(timeout=30)
+    assert address != server.address
+    statuses = [asked(server, address.partition(own(server))[2])[0] for _ in range(2)]
+    again = asked(server, server.address.partition(own(server))[2])[0]
+    server.stop()
+    thread.join()
+    assert (statuses, again) == ([200, 403], 200)
+
+
+@pytest.mark.parametrize(("address", "way"), [("/", "Look up"), ("/boards", "Boards"), ("/nowhere", None)])
+def test_the_way_to_the_page_that_is_shown_is_marked(served: Desk, address: str, way: str | None) -> None:
+    _, _, text = asked(served, address, Cookie=cookie(served))
+    assert re.findall(r'aria-current="page">([^<]+)<', text) == ([way] if way else [])
+
+
+@pytest.mark.parametrize("address", ["/", "/flight", "/onboard", "/boards", "/compare"])
+def test_a_page_has_one_strong_button(served: Desk, address: str) -> None:
+    assert asked(served, address, Cookie=cookie(served))[2].count('<button class="strong">') == 1
+
+
+def test_a_board_to_print_is_a_pdf_under_its_name(served: Desk) -> None:
+    pytest.importorskip("cv2")
+    status, headers, text = asked(
+        served, "/boards/print?board=checkerboard%3A9x6&square-mm=25", Cookie=cookie(served)
+    )
+    assert (status, text[:5]) == (200, "%PDF-")
+    assert "checkerboard-9x6.pdf" in headers["Content-Disposition"]
+
+
+def test_a_board_without_the_side_of_its_squares_is_asked_again(served: Desk) -> None:
+    status, _, text = asked(served, "/boards/print?board=checkerboard%3A9x6", Cookie=cookie(served))
+    assert (status, "expected the side of a square in mm" in text) == (400, True)

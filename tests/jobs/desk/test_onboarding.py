@@ -36,9 +36,9 @@ def payload(tmp_path: Path) -> Path:
 def look(one: Tab, payload: Path, serves: str = "this unit only") -> str:
     one.page.goto(f"{one.home}/onboard")
     form = one.page.locator("form[action='/onboard']")
-    form.get_by_label("Folder").fill(str(payload))
+    form.get_by_label("Or their folder").fill(str(payload))
     form.get_by_label("A measured K is valid for").select_option(label=serves)
-    form.get_by_role("button").click()
+    form.locator("button").click()
     return over(one)
 
 

@@ -6,6 +6,7 @@ person confirms it, the same is solved from these corners and becomes a proposal
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Final
@@ -13,6 +14,7 @@ from typing import Final
 import msgspec
 
 from calibrary.errors import InputError
+from calibrary.jobs.calibrate import write_board
 from calibrary.jobs.calibrate.report import CalibrateReport
 from calibrary.jobs.calibrate.told import told
 from calibrary.jobs.calibrate_watch.session import WatchedFrame, WatchStatus
@@ -24,6 +26,7 @@ from calibrary.jobs.desk.running import (
     SAME,
     again_form,
     desk_page,
+    files_form,
     flags,
     how,
     place_of,
@@ -64,13 +67,17 @@ ASKED: Final = (replace(BOARD, label="Board, if it is no checkerboard"), SQUARE,
 
 def questions() -> View:
     """Make the page that asks for frames."""
-    place = Field(name="place", label="Folder", hint="its whole path on this machine", required=True)
-    files = Field(name="files", label="Frames, or drop a folder here", type="file", several=True)
+    place = Field(name="place", label="Folder", hint="its whole path on this machine")
     whole = Field(name="whole", type="hidden", value="yes")
+    frames = replace(place, label="Or their folder")
     return desk_page(
         title="Calibrate from a board",
         lead="K and distortion from frames of a board, with how far to trust them; written once you confirm it.",
         sections=(
+            Section(
+                title="Frames that you have",
+                blocks=(files_form("/boards", "Solve these frames", frames, whole, *ASKED),),
+            ),
             Section(
                 title="While you photograph",
                 blocks=(
@@ -79,24 +86,48 @@ def questions() -> View:
                     Form(
                         to="/boards/watch",
                         button="Watch this folder",
-                        fields=(place, replace(BOARD, required=True), SQUARE),
+                        fields=(replace(place, required=True), replace(BOARD, required=True), SQUARE),
+                        is_aside=True,
                     ),
                 ),
             ),
             Section(
-                title="Frames that you have",
+                title="A board to print",
                 blocks=(
-                    Form(to="/boards", button="Solve this folder", fields=(place, *ASKED)),
+                    "True to the millimetre, with a ruler to check the print. Glue it to glass.",
                     Form(
-                        to="/boards/drop",
-                        button="Solve these frames",
-                        drops="/boards/drop",
-                        fields=(files, whole, *ASKED),
+                        to="/boards/print",
+                        button="Make the PDF",
+                        fields=(
+                            replace(BOARD, value="checkerboard:11x8", required=True),
+                            replace(SQUARE, value="25", required=True),
+                        ),
+                        is_question=True,
+                        is_aside=True,
                     ),
                 ),
             ),
         ),
-    )  # fmt: skip
+    )
+
+
+def printed(folder: Path, asked: Mapping[str, str]) -> Path:
+    """The PDF of a board in a folder.
+
+    Raises:
+        InputError: the side of a square is no number, or there is no such board.
+        MissingExtraError: OpenCV is not installed.
+    """
+    try:
+        square_mm = float(asked.get("square-mm", ""))
+    except ValueError:
+        raise InputError(
+            f"{asked.get('square-mm', '')!r:.40} is no length, expected the side of a square in mm"
+        ) from None
+    board = asked.get("board", "")
+    path = folder / f"{re.sub('[^0-9A-Za-z]+', '-', board)}.pdf"
+    write_board(board, path, square_mm=square_mm)
+    return path
 
 
 def command(registry: Path, folder: Path, asked: Mapping[str, str]) -> tuple[list[str], str]:

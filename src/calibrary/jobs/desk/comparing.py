@@ -60,11 +60,13 @@ def questions(asked: Mapping[str, str], problem: str = "") -> View:
                     Form(
                         to="/compare/since",
                         button="Compare the registry",
+                        is_aside=True,
                         fields=(Field(name="since", label="Day, tag or commit", required=True),),
                     ),
                     Form(
                         to="/compare/since",
                         button="Compare firmwares",
+                        is_aside=True,
                         fields=(
                             Field(
                                 name="firmware",
@@ -85,6 +87,7 @@ def questions(asked: Mapping[str, str], problem: str = "") -> View:
                     Form(
                         to="/compare/flights",
                         button="Compare with flights",
+                        is_aside=True,
                         fields=(
                             Field(
                                 name="place",

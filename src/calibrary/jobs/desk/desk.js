@@ -60,7 +60,7 @@ const sent = async (form, files) => {
   for (const name of ["token", "files"]) given.delete(name);
   let address;
   try {
-    const many = `${files.length} ${given.has("whole")}`;
+    const many = `${files.length} ${given.has("whole") || given.has("verify")}`; // pixels need all of a file
     address = `${form.dataset.drops}/${(await post(form.dataset.drops, many)).id}`;
     let left = files.map(([file], number) => [number, [0, Math.min(FIRST, file.size)]]);
     while (left.length) {
@@ -119,6 +119,7 @@ for (const input of document.querySelectorAll("form input[type=file]")) {
   });
   if (form.dataset.drops) {
     form.addEventListener("submit", (event) => {
+      if (!input.files.length) return;
       event.preventDefault();
       sent(form, [...input.files].map((file) => [file, file.webkitRelativePath || file.name]));
     });

@@ -20,7 +20,7 @@ from typing import BinaryIO, Final, cast
 import msgspec
 
 from calibrary.errors import InputError, first_of
-from calibrary.jobs.desk.running import REPORT, desk_page, how, place_of, without_result
+from calibrary.jobs.desk.running import REPORT, desk_page, files_form, how, place_of, without_result
 from calibrary.jobs.desk.work import Job
 from calibrary.jobs.extract.report import ExtractReport
 from calibrary.jobs.extract.targets import TARGETS
@@ -31,7 +31,7 @@ from calibrary.pages.wording import count
 from calibrary.parsers.files import is_image
 from calibrary.parsers.imagery.source import Source
 from calibrary.records import from_json, replace
-from calibrary.view import Field, Form, Link, Note, Section, View
+from calibrary.view import Field, Link, Note, Section, View
 
 MATRIX: Final = "K_matrix.npy"
 MOST_FILES: Final = 100_000
@@ -196,6 +196,13 @@ def _safe(part: str) -> str:
     return f"_{kept}" if re.match(r"(?i)(con|prn|aux|nul|com\d|lpt\d)(\.|$)", kept) or not kept else kept
 
 
+PLACE: Final = Field(
+    name="place",
+    label="Or their folder or address",
+    hint="the whole path on this machine, or s3://…, gs://…, https://…; nothing is copied",
+)
+
+
 def questions() -> View:
     """Make the page that asks which flight."""
     programs = (("", "no program"), *((name, name) for name in TARGETS))
@@ -211,40 +218,11 @@ def questions() -> View:
         lead="One K for each camera of a flight's images, judged before a reconstruction starts from it.",
         sections=(
             Section(
-                title="Images of this computer",
+                title="Images",
                 blocks=(
-                    "Only what is read of an image is sent to the desk, its first bytes as a rule, and nothing leaves "
-                    "this machine. Calibration files that lie beside the images are weighed too.",
-                    Form(
-                        to="/flight/drop",
-                        button="Check these files",
-                        drops="/flight/drop",
-                        fields=(
-                            Field(
-                                name="files", label="Files, or drop a folder here", type="file", several=True
-                            ),
-                            program,
-                        ),
-                    ),
-                ),
-            ),
-            Section(
-                title="Or where they are",
-                blocks=(
-                    Form(
-                        to="/flight",
-                        button="Check this place",
-                        fields=(
-                            Field(
-                                name="place",
-                                label="Folder or address",
-                                hint="the whole path on this machine, or s3://…, gs://…, https://…; nothing is copied",
-                                required=True,
-                            ),
-                            program,
-                            pixels,
-                        ),
-                    ),
+                    "Of files that are chosen or dropped only what is read is sent here, mostly the first bytes, "
+                    "and nothing leaves this machine. Calibration files beside the images are weighed too.",
+                    files_form("/flight", "Check these images", PLACE, program, pixels),
                 ),
             ),
         ),

@@ -70,11 +70,24 @@ ASKED: Final = (
 
 
 class Keys:
-    """What proves that a request may be made: the token of the first address, the cookie, the token of forms."""
+    """What proves that a request may be made: the token of the first address, the cookie, the token of forms.
+
+    Attributes:
+        once: the token of the address that a browser is started with, which others of this machine can read in the list
+            of processes; it opens the desk once.
+    """
 
     def __init__(self) -> None:
         self.first, self.session = secrets.token_urlsafe(24), secrets.token_urlsafe(24)
+        self.once: str | None = secrets.token_urlsafe(24)
         self.form = hmac.new(self.session.encode(), b"form", "sha256").hexdigest()
+
+    def opens(self, given: str | None) -> bool:
+        """Whether a token opens the desk."""
+        if self.once is not None and self.fits(given, self.once):
+            self.once = None
+            return True
+        return self.fits(given, self.first)
 
     @staticmethod
     def fits(given: str | None, wanted: str) -> bool:
@@ -158,8 +171,10 @@ class Desk:
         # Of all addresses of this machine, others use one, or its name.
         own = _names() if named == ANY else [host or named]
         self._names, self._port = {one.lower() for one in (*own, named, LOCAL)}, f":{self.port}"
-        start = f"/start?token={self._keys.first}" if self._password is None else "/start"
-        self.address: Final = f"http://{own[0]}{self._port}{start}"
+        start = f"http://{own[0]}{self._port}/start"
+        has_token = self._password is None
+        self.address: Final = f"{start}?token={self._keys.first}" if has_token else start
+        self._launch: Final = f"{start}?token={self._keys.once}" if has_token else start
         self._cookie = f"calibrary-desk-{self.port}"  # cookies do not tell ports apart
         self._scratch = _scratch()
         try:
@@ -186,13 +201,13 @@ class Desk:
         """Answer until the process is interrupted, or :meth:`stop` is called.
 
         Args:
-            opened: called with the first address once it is answered, such as to open a browser.
+            opened: called with an address that works once, as soon as it is answered, such as to open a browser.
         """
         # What goes wrong with one client is no message for the terminal.
         logging.getLogger("uvicorn").setLevel(logging.CRITICAL)
         threading.Thread(target=self._pages.warm, daemon=True).start()
         if opened is not None:
-            threading.Thread(target=opened, args=(self.address,), daemon=True).start()
+            threading.Thread(target=opened, args=(self._launch,), daemon=True).start()
         try:
             self._server.run(sockets=[self._socket])
         finally:
@@ -266,7 +281,7 @@ class Desk:
             return None
         is_right = False
         if self._password is None:
-            is_right = self._keys.fits(request.query_params.get("token"), self._keys.first)
+            is_right = self._keys.opens(request.query_params.get("token"))
         elif request.method == "POST" and self._is_own(request):
             turn = self._turns[request.client.host if request.client is not None else ""]
             if turn.locked():

@@ -18,6 +18,7 @@ from calibrary.jobs.desk.running import (
     REPORT,
     again_form,
     desk_page,
+    files_form,
     flags,
     how,
     place_of,
@@ -28,7 +29,7 @@ from calibrary.jobs.desk.work import Job
 from calibrary.jobs.onboard.report import Decision, OnboardReport
 from calibrary.jobs.onboard.told import told
 from calibrary.records import from_json, replace
-from calibrary.view import Block, Field, Form, Link, Note, Section, Tone, View
+from calibrary.view import Block, Field, Link, Note, Section, Tone, View
 
 AGAIN: Final = Link("Onboard another payload", "/onboard")
 ASKED: Final = (
@@ -66,8 +67,7 @@ def questions() -> View:
     """Make the page that asks what came with a payload."""
     # The entry has the hash of each file, so all of it is needed.
     whole = Field(name="whole", type="hidden", value="yes")
-    place = Field(name="place", label="Folder", hint="its whole path", required=True)
-    files = Field(name="files", label="Files, or drop a folder here", type="file", several=True)
+    place = Field(name="place", label="Or their folder", hint="its whole path on this machine")
     flight = Field(
         name="flight", type="checkbox", value="yes", label="K from the pixels of its flight too, in minutes"
     )
@@ -83,17 +83,8 @@ def questions() -> View:
                 title="What came with it",
                 blocks=(
                     told,
-                    Form(
-                        to="/onboard/drop",
-                        button="Look at these files",
-                        drops="/onboard/drop",
-                        fields=(files, whole, *OFTEN),
-                    ),
+                    files_form("/onboard", "Look at these files", place, whole, *OFTEN, flight),
                 ),
-            ),
-            Section(
-                title="Or where it is on this machine",
-                blocks=(Form(to="/onboard", button="Look at this folder", fields=(place, *OFTEN, flight)),),
             ),
         ),
     )

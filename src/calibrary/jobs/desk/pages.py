@@ -112,12 +112,13 @@ IMAGES: Final = 2
 
 
 class Asked(Struct, frozen=True, kw_only=True):
-    """What a request asks: the parts of its address, and the fields of its query or form; where the desk answers."""
+    """What a request asks: the parts of its address, its fields, and where the desk and the page that answers are."""
 
     path: Mapping[str, str]
     fields: Mapping[str, object]
     is_form: bool = False
     home: str = ""
+    at: str = ""
 
     @property
     def texts(self) -> dict[str, str]:
@@ -184,6 +185,7 @@ class Pages:
                 self._route("/onboard", self._begin(onboarding.command), "POST"),
                 self._route("/boards", lambda _: boards.questions()),
                 self._route("/boards", self._begin(boards.command), "POST"),
+                self._route("/boards/print", self._board),
                 self._route("/boards/watch", self._begin(boards.watching), "POST"),
                 self._route("/propose", self._propose, "POST"),
                 self._raw("/{job}/drop", self._begin_drop),
@@ -262,19 +264,23 @@ class Pages:
 
     async def _answer(self, make: Made, request: Request, fields: Mapping[str, object]) -> Response:
         home, is_form = str(request.base_url), request.method == "POST"
-        asked = Asked(path=request.path_params, fields=fields, is_form=is_form, home=home)
+        asked = Asked(
+            path=request.path_params, fields=fields, is_form=is_form, home=home, at=request.url.path
+        )
         return await run_in_threadpool(self._shown, make, asked)
 
     def _shown(self, make: Made, asked: Asked) -> Response:
         try:
             made = make(asked)
         except CalibraryError as error:
-            return self._page(_problem(str(error)), 409 if isinstance(error, RegistryError) else 400)
-        return self._page(made) if isinstance(made, View) else made
+            return self._page(
+                _problem(str(error)), 409 if isinstance(error, RegistryError) else 400, at=asked.at
+            )
+        return self._page(made, at=asked.at) if isinstance(made, View) else made
 
-    def _page(self, page: View, code: int = 200) -> Response:
+    def _page(self, page: View, code: int = 200, *, at: str = "") -> Response:
         headers = {"content-security-policy": served_policy()}
-        return HTMLResponse(render_page(page, frame=self._frame), code, headers=headers)
+        return HTMLResponse(render_page(page, frame=self._frame, at=at), code, headers=headers)
 
     @property
     def _fleet(self) -> Fleet:
@@ -471,6 +477,11 @@ class Pages:
             self._drops[id_], title = drop, title.replace(str(drop.folder), "dropped files")
         started = self._jobs.start(words, title, (id_, folder), at_once="watch" in words[:2])
         return f"/job/{started}"
+
+    def _board(self, asked: Asked) -> Response:
+        with tempfile.TemporaryDirectory(dir=self._scratch) as folder:
+            path = boards.printed(Path(folder), asked.texts)
+            return _attached(path.name, path.read_bytes())
 
     def _propose(self, asked: Asked) -> Response:
         """Do what a dry run showed."""
@@ -772,10 +783,12 @@ def _flags(camera: CameraKey) -> Iterator[str]:
 def _download(file: Download | None) -> Response:
     if file is None or file.name is None:
         raise InputError(file.remark if file is not None else "there is no such file; the page lists them")
-    disposition = f"attachment; filename*=UTF-8''{quote(file.name)}"
-    return Response(
-        file.data, media_type="application/octet-stream", headers={"content-disposition": disposition}
-    )
+    return _attached(file.name, file.data)
+
+
+def _attached(name: str, data: bytes) -> Response:
+    disposition = f"attachment; filename*=UTF-8''{quote(name)}"
+    return Response(data, media_type="application/octet-stream", headers={"content-disposition": disposition})
 
 
 def _script(_: Asked) -> Response:

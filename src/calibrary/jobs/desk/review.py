@@ -65,7 +65,7 @@ def queue(fleet: Fleet, said: Sequence[Section] = ()) -> View:
     """
     found = fleet.status()
     view = told_status(found, str, _page_of)
-    sync = Form(to="/sync", button="Exchange with the remote")
+    sync = Form(to="/sync", button="Exchange with the remote", is_aside=True)
     text = "Fetches the commits of others and sends yours; nobody's are overwritten."
     at = f" at commit {found.commit[:12]}" if found.commit is not None else ""
     return replace(
@@ -149,6 +149,7 @@ def _approval_forms(one: Proposal, name: str, branch: str, proposals: Proposals)
     force = Field(
         name="force", type="checkbox", value="yes", label="Use it although it contradicts what is known"
     )
+    is_material = any(each.rule == MATERIAL for each in proposals.findings)
     yield Form(
         to="/decide",
         button="Approve",
@@ -158,7 +159,8 @@ def _approval_forms(one: Proposal, name: str, branch: str, proposals: Proposals)
             Field(
                 name="reason",
                 label="Why, for the history",
-                required=any(each.rule == MATERIAL for each in proposals.findings),
+                hint="needed, for the change is a material one" if is_material else "",
+                required=is_material,
             ),
             *((force,) if proposals.errors else ()),
         ),
@@ -174,6 +176,7 @@ def _approval_forms(one: Proposal, name: str, branch: str, proposals: Proposals)
                 Field(name="what", type="hidden", value="reject"),
                 Field(name="reason", label="Why not, for the history", required=True),
             ),
+            is_aside=True,
         )
 
 
@@ -206,6 +209,7 @@ def retirement_form(key: str, digest: str) -> Form:
             Field(name="reason", label="Why retire it", required=True),
             Field(name="start", type="date", label="Only for images from this day on"),
         ),
+        is_aside=True,
     )
 
 

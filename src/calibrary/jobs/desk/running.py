@@ -17,6 +17,7 @@ from calibrary.view import Badge, Block, Code, Details, Field, Form, Link, Note,
 REPORT: Final = "report.html"
 DRY: Final = "--dry-run"
 SAME: Final = "The same in a terminal"
+FILES: Final = Field(name="files", label="Files, or drop a folder here", type="file", several=True)
 
 
 def place_of(text: str, *, is_local: bool = True) -> str:
@@ -27,6 +28,8 @@ def place_of(text: str, *, is_local: bool = True) -> str:
     """
     # File managers copy paths in quotation marks.
     text = text.strip().strip("\"'")
+    if not text:
+        raise InputError("expected files, which need the page's script, or the whole path of their folder")
     if not is_local and urlsplit(text).scheme and "://" in text:
         return text
     path = path_of(text)
@@ -55,6 +58,11 @@ def how(job: Job, *, again: Link) -> tuple[Block, ...]:
     return (*((said,) if job.text.strip() else ()), again, Code(text=job.command, label=SAME))
 
 
+def files_form(to: str, button: str, place: Field, *fields: Field) -> Form:
+    """The one question for files: those of the browser's machine, chosen or dropped, or where they are on this one."""
+    return Form(to=to, button=button, drops=f"{to}/drop", fields=(FILES, place, *fields))
+
+
 def desk_page(title: str, lead: str, sections: tuple[Section, ...], badge: Badge | None = None) -> View:
     """A page of the desk, too short for a table of contents."""
     return View(title=title, lead=lead, badge=badge, sections=sections, contents=False, made_by=made_by())
@@ -77,7 +85,7 @@ def running(job: Job, address: str, found: Sequence[Section] = ()) -> View:
                 title="Running",
                 blocks=(
                     Running(state=f"{address}/state", done=done, total=total, what=what),
-                    Form(to=f"{address}/stop", button="Stop"),
+                    Form(to=f"{address}/stop", button="Stop", is_aside=True),
                     Code(text=job.command, label=SAME),
                 ),
             ),
