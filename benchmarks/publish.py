@@ -37,7 +37,7 @@ from calibrary.calibration import CameraKey
 from calibrary.records import replace
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.repository import create
-from calibrary.registry.git.writing import Change, write
+from calibrary.registry.git.writing import FileChange, write
 from calibrary.registry.published.cache import Cache
 from calibrary.registry.published.fetch import fetch
 from calibrary.registry.published.read import Published
@@ -61,7 +61,7 @@ def change_one(folder: Path) -> None:
     moved = replace(one, calibration=replace(one.calibration, intrinsics=replace(K, fx=K.fx + 1.0)))
     snapshot = open_snapshot(folder)
     repo, _ = snapshot.require_git("is needed")
-    changed = Change(path=one.path, data=entry_yaml(moved), base=snapshot.paths[one.path])
+    changed = FileChange(path=one.path, data=entry_yaml(moved), base=snapshot.paths[one.path])
     write(repo, [changed, *approving(snapshot, moved)], "Again\n")
 
 

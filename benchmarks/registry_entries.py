@@ -32,10 +32,10 @@ from calibrary.registry.entry import Alias, Entry, Status
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.remotes import clone
 from calibrary.registry.git.repository import Repository, create, maintain
-from calibrary.registry.git.writing import Change, write
+from calibrary.registry.git.writing import FileChange, write
 from calibrary.registry.registry import open_snapshot
 from calibrary.registry.snapshot import Snapshot
-from calibrary.registry.stating import Act, founded, stated
+from calibrary.registry.stating import Change, founded, stated
 
 MAKES = 20
 NAMED_EVERY = 100
@@ -73,27 +73,30 @@ def entry(number: int) -> Entry:
     return Entry(calibration=calibration, status=Status.APPROVED, aliases=named)
 
 
-def founding(repo: Repository) -> list[Change]:
+def founding(repo: Repository) -> list[FileChange]:
     """Files of a new registry."""
     configuration = configuration_yaml()
     return [
-        Change(path="registry.yaml", data=configuration),
+        FileChange(path="registry.yaml", data=configuration),
         *founded(repo, parse_configuration(configuration).rules),
     ]
 
 
-def approving(snapshot: Snapshot, one: Entry) -> tuple[Change, ...]:
+def approving(snapshot: Snapshot, one: Entry) -> tuple[FileChange, ...]:
     """Files of the statement that approves an entry."""
-    return stated(snapshot, [Act(action="approve", entry=one)], None).changes
+    return stated(snapshot, [_approval(one)]).changes
+
+
+def _approval(one: Entry) -> Change:
+    return Change(action="approve", before=None, after=one, fields=())
 
 
 def fill(repo: Repository, numbers: Iterable[int]) -> None:
     """Found a registry, and put entries to use in one commit."""
     write(repo, founding(repo), "Create\n")
     made = [*map(entry, numbers)]
-    acts = [Act(action="approve", entry=one) for one in made]
-    files = [Change(path=one.path, data=entry_yaml(one)) for one in made]
-    write(repo, [*files, *stated(open_snapshot(repo.path), acts, None).changes], "Import\n")
+    files = [FileChange(path=one.path, data=entry_yaml(one)) for one in made]
+    write(repo, [*files, *stated(open_snapshot(repo.path), [*map(_approval, made)]).changes], "Import\n")
 
 
 def registry_of(folder: Path, entries: int) -> Snapshot:
@@ -200,7 +203,7 @@ def adding(place: Path, entries: int, repeats: int) -> None:
 
     def ours() -> None:
         one = entry(next(numbers))
-        write(bare, [Change(path=one.path, data=entry_yaml(one))], "Add\n")
+        write(bare, [FileChange(path=one.path, data=entry_yaml(one))], "Add\n")
         # What its git has used counts once that has ended.
         bare.close()
 

@@ -21,14 +21,15 @@ from calibrary.calibration import (
 )
 from calibrary.distortion import BrownConrady
 from calibrary.records import replace
-from calibrary.registry.configuration import configuration_yaml
+from calibrary.registry.configuration import configuration_yaml, parse_configuration
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.git.repository import create
-from calibrary.registry.git.writing import Change, Person, write
+from calibrary.registry.git.writing import FileChange, Person, write
 from calibrary.registry.places import CONFIGURATION_FILE
-from calibrary.registry.proposals import note_of
+from calibrary.registry.proposals import message_of
 from calibrary.registry.registry import Registry
+from calibrary.registry.stating import Change, founded, stated
 
 __all__ = ["write_fleet"]
 
@@ -64,9 +65,10 @@ MODELS = (
 
 def write_fleet(folder: Path) -> Registry:
     """A registry of seven cameras, one of which was calibrated five times."""
-    # A registry that was begun today could hold no commit of last year, and one of last year has no statements.
-    begun = [Change(path=CONFIGURATION_FILE, data=configuration_yaml().replace(b"layout: 2", b"layout: 1"))]
-    write(create(folder), begun, "Begin a registry", author=KEEPER, now=datetime(2025, 1, 9, tzinfo=UTC))
+    repo, configuration, now = create(folder), configuration_yaml(), datetime(2025, 1, 9, tzinfo=UTC)
+    said = founded(repo, parse_configuration(configuration).rules, author=KEEPER, now=now)
+    begun = [FileChange(path=CONFIGURATION_FILE, data=configuration), *said]
+    write(repo, begun, "Begin a registry", author=KEEPER, now=now)
     registry = Registry.open(folder)
     for number, model in enumerate(MODELS):
         _save(
@@ -131,11 +133,11 @@ def _entry(model: Model, *, day: str, firmware: str, change: float = 0.0) -> Ent
 
 def _save(registry: Registry, entry: Entry, subject: str, reason: str | None = None) -> None:
     """One commit on the day that its calibration was made."""
-    current = registry.snapshot().at(entry.path)
-    change = Change(
-        path=entry.path, data=entry_yaml(entry), base=current.oid if current is not None else None
-    )
+    snapshot = registry.snapshot()
+    file = FileChange(path=entry.path, data=entry_yaml(entry), base=snapshot.cameras.get(entry.path))
     made = entry.calibration.provenance.date or "2026-01-01"
     now = datetime.fromisoformat(f"{made}T09:30:00").replace(tzinfo=UTC)
-    note = note_of(subject, [entry], reason)
-    write(registry.repo, [change], note.message, author=KEEPER, now=now)
+    approval = Change(action="approve", before=None, after=entry, why=reason, fields=())
+    approved = [approval] if entry.status is Status.APPROVED else []
+    said = stated(snapshot, approved, author=KEEPER, now=now).changes
+    write(registry.repo, [file, *said], message_of(subject, [entry], reason), author=KEEPER, now=now)

@@ -46,7 +46,7 @@ PRINTED: Final[Mapping[str, str]] = {
     "resolution-1": "calibrary.jobs.resolve.run:FleetAnswer",
     "published-3": "calibrary.registry.published.manifest:SignedManifest",
     "published-list-1": "calibrary.registry.published.manifest:PublishedList",
-    "published-camera-2": "calibrary.registry.published.manifest:PublishedCamera",
+    "published-camera-3": "calibrary.registry.published.manifest:PublishedCamera",
     "registry-publish-1": "calibrary.registry.published.write:Publication",
 }
 """The documents that calibrary writes for programs: every field is always there. A record in several of them has its

@@ -1,53 +1,25 @@
-"""Reading of the checked entries' files in blocks."""
+"""Checks of a registry: its entries, files, statements and configuration, at a commit, in a folder or over a range."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from hashlib import sha256
-from itertools import groupby
-from pathlib import Path
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import suppress
 from typing import Annotated, Final, Literal, Self
 
-import msgspec
-
-from calibrary import errors
 from calibrary.errors import InputError, RegistryError
 from calibrary.policy import Policy
 from calibrary.records import Meta, Record, replace
-from calibrary.registry.configuration import UNPROVEN, Configuration, configuration_at
-from calibrary.registry.contents import (
-    ALIAS,
-    FOLDERS,
-    LABEL,
-    SUPERSEDES,
-    Contents,
-    alias_folder,
-    parsed_or_error,
-    stated_names,
-)
+from calibrary.registry.configuration import Configuration, configuration_at
 from calibrary.registry.entry import Entry
-from calibrary.registry.entry_checks import Checked, Judge, check, check_order, finding_of, in_order
-from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.entry_checks import Judge, check, check_order, finding_of, in_order
+from calibrary.registry.entry_yaml import TURNS
 from calibrary.registry.git.history import changed, commit_at, not_files, parse_rev
-from calibrary.registry.git.objects import ObjectId, blob_id
+from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.paths import (
-    ROOT,
-    STATEMENTS,
-    SUFFIX,
-    id_of,
-    in_use_path,
-    is_entry,
-    is_proposal,
-    model_folder,
-)
+from calibrary.registry.paths import CAMERAS, EVENTS, SUFFIX, file_path, is_entry, is_proposal
 from calibrary.registry.places import CONFIGURATION_FILE
-from calibrary.registry.snapshot import Snapshot, paths_below, read_entry_file
-from calibrary.registry.standing import UNREAD, Standing
-from calibrary.registry.statements import subject_of
+from calibrary.registry.snapshot import Snapshot
 from calibrary.validation import Finding, Severity
-from calibrary.version import __version__
 
 
 class CheckDocument(Record, tag_field="schema", tag="calibrary/registry-check-1"):
@@ -111,76 +83,40 @@ BLOCK: Final = 200
 """Number of entries that are read together and in memory."""
 
 Progress = Callable[[int, int], None]
-_CHECKED: Final = msgspec.msgpack.Decoder(Checked)
 
 
-class EntryFiles(Mapping[str, bytes]):
-    """Entries by path, read in blocks on demand, so that even 100 000 entries need little memory.
+class CheckedEntries(Mapping[str, Entry]):
+    """Entries by name, read in blocks on demand, so that even many need little memory.
 
     Attributes:
-        unreadable: reason for each file that could not be read; its content is empty.
+        unreadable: error of each entry that could not be read.
     """
 
-    def __init__(
-        self,
-        paths: Collection[str],
-        read: Callable[[Sequence[str]], Iterable[bytes]],
-        progress: Progress | None = None,
-        contents: Contents | None = None,
-    ) -> None:
-        self.unreadable: dict[str, str] = {}
-        self._parsed = contents.parsed if contents is not None else None
-        self._entries: Mapping[str, Entry | InputError] | None = None
-        self._order = sorted(paths, key=check_order)
-        self._known = frozenset(paths)
-        self._read = read
-        self._progress = progress
-        self._block: Mapping[str, bytes] = {}
+    def __init__(self, snapshot: Snapshot, progress: Progress | None = None) -> None:
+        self.unreadable: dict[str, InputError] = {}
+        self._snapshot, self._progress = snapshot, progress
+        self._order = sorted((*snapshot.paths, *snapshot.proposed), key=check_order)
+        self._known = frozenset(self._order)
+        self._block: Mapping[str, Entry | InputError] = {}
         self._next = 0
 
-    @classmethod
-    def in_git(cls, repo: Repository, listed: Mapping[str, str], progress: Progress | None = None) -> Self:
-        """Read entries by their blob ids."""
-        return cls(listed, lambda names: repo.objects([listed[name] for name in names]), progress)
-
-    def __getitem__(self, path: str) -> bytes:
-        if path not in self._known:
-            raise KeyError(path)
-        found = self._block.get(path)
-        if found is not None:
-            return found
-        if self._next < len(self._order) and self._order[self._next] == path:
+    def __getitem__(self, name: str) -> Entry:
+        if name not in self._known:
+            raise KeyError(name)
+        found = self._block.get(name)
+        if found is None and self._next < len(self._order) and self._order[self._next] == name:
             names = self._order[self._next : self._next + BLOCK]
-            self._block, self._entries = self._contents(names), None
+            self._block = dict(self._snapshot.parsed(names))
             self._next += len(names)
             if self._progress is not None:
                 self._progress(self._next, len(self._order))
-            return self._block[path]
+            found = self._block[name]
         # Out of order, for a reference from another entry.
-        return self._contents([path])[path]
-
-    def parse(self, data: bytes, path: str) -> Entry:
-        """Return the entry of one of these files.
-
-        Raises:
-            InputError: as for :func:`parse_entry`.
-        """
-        if self._entries is None:
-            block = ((blob_id(data), path, data) for path, data in self._block.items())
-            self._entries = dict(self._parsed(block)) if self._parsed is not None else {}
-        found = self._entries.get(path) if self._block.get(path) == data else None
+        found = found or next(self._snapshot.parsed([name]))[1]
         if isinstance(found, InputError):
+            self.unreadable[name] = found
             raise found
-        return found if found is not None else parse_entry(data, path)
-
-    def _contents(self, names: Sequence[str]) -> dict[str, bytes]:
-        try:
-            return dict(zip(names, self._read(names), strict=True))
-        except RegistryError as error:
-            if len(names) > 1:
-                return {name: self._contents([name])[name] for name in names}
-            self.unreadable[names[0]] = str(error)
-            return {names[0]: b""}
+        return found
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._order)
@@ -189,11 +125,34 @@ class EntryFiles(Mapping[str, bytes]):
         return len(self._order)
 
 
-def completed(findings: Iterable[Finding], files: EntryFiles) -> tuple[Finding, ...]:
-    """Add findings on unreadable files."""
-    listed = [finding for finding in findings if finding.place not in files.unreadable]
-    listed += [finding_of(path, "entry", message) for path, message in files.unreadable.items()]
-    return in_order(listed)
+def _checked(
+    snapshot: Snapshot,
+    policy: Policy,
+    judge: Judge | None,
+    progress: Progress | None = None,
+    before: Snapshot | None = None,
+) -> tuple[int, tuple[Finding, ...]]:
+    """Return the number of entries of a state, and what is found on them and their files."""
+    entries = CheckedEntries(snapshot, progress)
+    former = before.parsed([*before.paths]) if before is not None else ()
+    last_approved = {path: one for path, one in former if isinstance(one, Entry) and one.is_usable}
+    found = [*check(entries, policy, last_approved, judge)]
+    for name, error in entries.unreadable.items():
+        is_file = is_proposal(name) or not snapshot.book.rules.approvals.count
+        rule = "digest" if error.place == "digest" else "entry" if is_file else "approval"
+        found.append(finding_of(file_path(name), rule, str(error)))
+    return len(entries), in_order([*found, *_turned(snapshot), *_of_strays(snapshot.strays)])
+
+
+def _turned(snapshot: Snapshot) -> Iterator[Finding]:
+    """Find files that people see in another order than that of their text."""
+    for path in snapshot.files:
+        with suppress(RegistryError):
+            data = snapshot.committed(path)
+            turns = None if data.isascii() else TURNS.search(data.decode("utf-8", "replace"))
+            if turns is not None:
+                message = f"{turns[0]!a} in it turns what people see into another order than that of the text"
+                yield finding_of(path, "spelling", f"{message}; take it out", Severity.WARNING)
 
 
 def _of_strays(paths: Iterable[str]) -> Iterator[Finding]:
@@ -230,26 +189,15 @@ def check_all(
     """
     if snapshot.repo is None or snapshot.commit is None:
         return check_work_tree(snapshot, policy, judge, progress=progress)
-    oids = {**snapshot.paths, **snapshot.proposed}
-    paths = [path for path, oid in oids.items() if oid is not None]
-    files = EntryFiles(paths, snapshot.committed_many, progress, snapshot.contents)
-    policy = policy or snapshot.configuration.policy
-    keys = _content_keys(oids, paths, policy, judge)
-    kept = snapshot.contents.cache.get(_CHECKED, keys.values())
-    known = {folder: kept[key] for folder, key in keys.items() if key in kept}
-    before = {*known}
-    found = check(files, policy, parse=files.parse, judge=judge, known=known)
-    before |= {*map(model_folder, files.unreadable)}
-    snapshot.contents.cache.keep({keys[folder]: known[folder] for folder in known.keys() - before})
+    number, found = _checked(snapshot, policy or snapshot.policy, judge, progress)
     findings = (
-        *_not_files(snapshot.repo.listing(snapshot.commit, *FOLDERS, STATEMENTS, irregular=True)),
-        *completed(found, files),
-        *_of_strays(snapshot.strays),
-        *of_statements(snapshot),
-        *_of_rules(snapshot.configuration, snapshot.paths),
+        *_not_files(snapshot.repo.listing(snapshot.commit, CAMERAS, EVENTS, irregular=True)),
+        *found,
+        *_of_statements(snapshot),
+        *_of_rules(snapshot.configuration, snapshot.cameras),
     )
-    what = f"{count_of(len(files))} at {snapshot.commit[:12]}"
-    return CheckDocument.of(what, len(files), findings, commit=snapshot.commit)
+    what = f"{count_of(number)} at {snapshot.commit[:12]}"
+    return CheckDocument.of(what, number, findings, commit=snapshot.commit)
 
 
 def _of_rules(rules: Configuration, paths: Collection[str]) -> Iterator[Finding]:
@@ -265,26 +213,6 @@ def _of_rules(rules: Configuration, paths: Collection[str]) -> Iterator[Finding]
                 message=f"repeat: no KEY begins with {rule.of}, so it says nothing",
                 remedy="write it as 'calibrary registry list' does",
             )
-
-
-def _content_keys(
-    oids: Mapping[str, str | None], paths: Iterable[str], policy: Policy, judge: Judge | None
-) -> dict[str, str]:
-    """Return for each model, by its folder, a name of all that the findings on its entries follow from."""
-    package = os.walk(Path(errors.__file__).parent, followlinks=True)
-    # What Python compiles when it is first asked for changes no finding.
-    folders = ((folder, names) for folder, _, names in package if not folder.endswith("__pycache__"))
-    times = (os.lstat(Path(folder, name)).st_mtime_ns for folder, names in folders for name in names)
-    newest = max(times, default=0)
-    rules = f"{__version__} {newest} {judge is not None} {policy}"
-    return {
-        folder: f"checked {_digest(rules, *(f'{path} {oids[path]}' for path in group))}"
-        for folder, group in groupby(sorted(paths, key=check_order), key=model_folder)
-    }
-
-
-def _digest(*lines: str) -> str:
-    return sha256("\n".join(lines).encode()).hexdigest()
 
 
 def check_work_tree(
@@ -310,15 +238,11 @@ def check_work_tree(
         if snapshot.repo.work_tree is None:
             raise RegistryError(f"{snapshot.place}: a bare repository has no work tree; leave out --worktree")
         root = snapshot.repo.work_tree
-    every = paths_below(root)
-    paths = [*filter(is_entry, every)]
-    files = EntryFiles(paths, lambda names: (read_entry_file(root, name) for name in names), progress)
-    findings = (
-        *completed(check(files, policy or snapshot.configuration.policy, judge=judge), files),
-        *_of_strays(path for path in every if not is_entry(path)),
-        *_of_rules(snapshot.configuration, paths),
+    number, found = _checked(
+        replace(snapshot, place=root, repo=None, commit=None), policy or snapshot.policy, judge, progress
     )
-    return CheckDocument.of(f"{count_of(len(files))} in the folder", len(files), findings)
+    findings = (*found, *_of_rules(snapshot.configuration, snapshot.cameras))
+    return CheckDocument.of(f"{count_of(number)} in the folder", number, findings)
 
 
 def _not_files(paths: Iterable[str]) -> Iterator[Finding]:
@@ -355,10 +279,7 @@ def check_range(
     *,
     progress: Progress | None = None,
 ) -> CheckDocument:
-    """Check the changes between two revisions, and the entries that they affect.
-
-    Affected are other entries of the same models, those with the same alias or label, and those that supersede a
-    changed entry or are superseded by it. Errors that existed before the change are not reported.
+    """Check the changes between two revisions: what is found after them, and was not before or is of a changed file.
 
     Args:
         snapshot: as for :func:`check_all`.
@@ -373,47 +294,24 @@ def check_range(
     """
     repo, newest = snapshot.require_git("has no revisions; leave out REV..REV")
     start = commit_at(repo, parse_rev(before))
-    # The rules before the change apply: a pull request cannot loosen the rules for itself.
-    rules = configuration_at(repo, start) or Configuration()
-    policy = policy or rules.policy
     end = commit_at(repo, parse_rev(after)) if after is not None else newest
-    at_end = replace(snapshot, commit=end) if end != newest else snapshot
-    every = [file for folder in FOLDERS for file in changed(repo, start, end, folder)]
-    differing = [file for file in every if is_entry(file.path)]
-    own = {file.path for file in differing if file.after is not None}
-    new = _affected(repo, end, {file.path: file.after for file in differing})
-    old = _affected(repo, start, {file.path: file.before for file in differing})
-    files = EntryFiles.in_git(repo, new, progress)
-    earlier_files = EntryFiles.in_git(repo, old)
-    before_change = _before(repo, old, own)
-    found = completed(check(files, policy, before_change, judge=judge), files)
-    known = set(check(earlier_files, policy, judge=judge)) if len(own) < len(files) else set()
-    findings = tuple(item for item in found if item.place in own or item not in known)
+    at_start, at_end = (replace(snapshot, commit=commit) for commit in (start, end))
+    # The rules before the change apply: a pull request cannot loosen the rules for itself.
+    policy = policy or at_start.policy
+    own = {file.path for file in changed(repo, start, end, CAMERAS) if file.after is not None}
+    said = {path for path, _ in at_start.book.findings()}
+    _, known = _checked(at_start, policy, judge)
+    _, found = _checked(at_end, policy, judge, progress, at_start)
     findings = (
         *_of_configuration(repo, start, end),
-        *_not_files(
-            path for folder in (*FOLDERS, STATEMENTS) for path in not_files(repo, start, end, folder)
-        ),
-        *findings,
-        *_of_strays(file.path for file in every if file.after is not None and not is_entry(file.path)),
+        *_not_files(path for folder in (CAMERAS, EVENTS) for path in not_files(repo, start, end, folder)),
+        *(one for one in found if one.place in own or one not in known),
         *_removed_statements(repo, start, end),
-        *of_statements(
-            at_end, sorted(_concerned(repo, start, end, {file.path for file in differing}, at_end))
-        ),
+        *(one for one in _of_statements(at_end) if one.place not in said),
     )
-    what = f"{count_of(len(own))} changed from {start[:12]} to {end[:12]}"
-    return CheckDocument.of(what, len(own), findings, commit=end, before=start)
-
-
-def _concerned(
-    repo: Repository, start: str, end: str, own: Collection[str], at_end: Snapshot
-) -> Iterator[str]:
-    """Yield the entries whose standing a range may change."""
-    yield from (path for path in own if not is_proposal(path) and path in at_end.paths)
-    for file in changed(repo, start, end, STATEMENTS):
-        path = f"{file.path.removeprefix(STATEMENTS).rpartition('/')[0]}{SUFFIX}"
-        if path in at_end.paths and path not in own:
-            yield path
+    number = len({*filter(is_entry, own)})
+    what = f"{count_of(number)} changed from {start[:12]} to {end[:12]}"
+    return CheckDocument.of(what, number, findings, commit=end, before=start)
 
 
 def _of_configuration(repo: Repository, start: str, end: str) -> Iterator[Finding]:
@@ -430,83 +328,15 @@ def _of_configuration(repo: Repository, start: str, end: str) -> Iterator[Findin
         )
 
 
-def _before(repo: Repository, old: Mapping[str, str], own: Collection[str]) -> dict[str, Entry]:
-    """Return the entries before the change, by path, without those that cannot be read: they are reported as such."""
-    paths = sorted({in_use_path(path) for path in own} & old.keys())
-    contents = repo.readable([old[path] for path in paths])
-    found = ((path, parsed_or_error(path, data)) for path, data in zip(paths, contents, strict=True))
-    return {path: entry for path, entry in found if isinstance(entry, Entry)}
-
-
-def _affected(repo: Repository, commit: str, touched: Mapping[str, str | None]) -> dict[str, str]:
-    """Return the blob ids, by path, of the changed entries at a commit and of the entries that they may affect.
-
-    Affected are entries of the same models, those with the same alias or label, and those that supersede a changed
-    entry or are superseded by it. No other entry is read.
-    """
-    own = {path: oid for path, oid in touched.items() if oid is not None}
-    contents, models = Contents(repo, commit), {model_folder(path) for path in touched}
-    folders, ids, names = set(models), {id_of(path) for path in touched}, set[tuple[str, str]]()
-    # Aliases and labels of the changed entries, and the entries that they supersede.
-    for path, data in zip(own, repo.readable([*own.values()]), strict=True):
-        entry = parsed_or_error(path, data, require_digest=False)
-        for _, kind, word, _ in stated_names(path, entry) if isinstance(entry, Entry) else ():
-            names.add((kind, word))
-            if kind == ALIAS:
-                folders.add(alias_folder(word).rstrip("/"))
-            elif kind == SUPERSEDES:
-                folders.add(model_folder(f"{ROOT}{word}{SUFFIX}"))
-    # Entries that refer to a changed one.
-    claims = [one for kind in (ALIAS, LABEL) for one in contents.mentions(kind) if (kind, one[2]) in names]
-    claims += [one for one in contents.mentions(ALIAS) if alias_folder(one[2])[:-1] in models]
-    claims += [one for one in contents.mentions(SUPERSEDES) if one[2] in ids]
-    folders |= {model_folder(path) for path, *_ in claims}
-    # A proposal affects only the entry that it will replace.
-    listed = repo.listing(commit, *sorted(folders))
-    return {path: oid for path, oid in listed.items() if is_entry(path)} | own
-
-
-def of_statements(snapshot: Snapshot, paths: Iterable[str] | None = None) -> Iterator[Finding]:
-    """Find entries whose files differ from what is in force, and statements without effect.
-
-    Args:
-        snapshot: state of a registry in git.
-        paths: paths of entries; all, and all statements, if not given.
-    """
-    if not snapshot.is_stated:
-        if snapshot.configuration.approvals is not None:
-            yield replace(
-                finding_of(CONFIGURATION_FILE, "approval", f"asks for approvals, but {UNPROVEN}"),
-                remedy="calibrary registry init FOLDER",
-            )
-        return
-    wanted = [*snapshot.paths] if paths is None else [*paths]
-    for path, standing in snapshot.standings(wanted).items():
-        yield from _of_standing(path, standing)
+def _of_statements(snapshot: Snapshot) -> Iterator[Finding]:
+    """Find statements without effect, and rules that are not in force."""
     book = snapshot.book
-    for path, why in book.findings(map(subject_of, wanted) if paths is not None else None):
+    for path, why in book.findings():
         yield _statement(path, f"a statement without effect: it {why}")
-    if paths is not None:
-        return
-    if snapshot.configuration.rules != book.rulebook.people.rules:
+    if snapshot.configuration.rules != book.rules:
         yield replace(
-            _statement(CONFIGURATION_FILE, "asks for other approvals than those in force"),
+            _statement(CONFIGURATION_FILE, "asks for other rules than those in force"),
             remedy="'calibrary registry approve registry.yaml' puts them in force",
-        )
-
-
-def _of_standing(path: str, standing: Standing) -> Iterator[Finding]:
-    if standing.problem is not None:
-        yield finding_of(path, "approval", standing.problem.removeprefix(f"{path}: "))
-    elif standing.remark is not None:
-        # What cannot be read cannot be approved; its reader says what to do.
-        approve = "'calibrary registry approve KEY' approves it; what is written by hand is not used"
-        remedy = None if standing.remark.startswith(UNREAD) else approve
-        yield replace(finding_of(path, "approval", standing.remark), remedy=remedy)
-    elif standing.data is not None and standing.differs:
-        yield replace(
-            _statement(path, "its file and the statements on it differ: the statements count"),
-            remedy="'calibrary registry show KEY' shows what is in force",
         )
 
 
@@ -516,7 +346,7 @@ def _statement(path: str, message: str) -> Finding:
 
 def _removed_statements(repo: Repository, start: str, end: str) -> Iterator[Finding]:
     """Find statements that a range changes or removes: they are only ever added."""
-    for file in changed(repo, start, end, STATEMENTS):
+    for file in changed(repo, start, end, EVENTS):
         if file.before is not None:
             what = "is removed" if file.after is None else "is changed"
             yield replace(

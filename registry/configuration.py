@@ -21,16 +21,8 @@ from calibrary.registry.places import CONFIGURATION_FILE
 from calibrary.registry.sshsig import KEY, fingerprint, key_blob
 from calibrary.strictyaml import YamlValue, line_of, load_yaml
 
-LAYOUT: Final = 2
-"""Version of the layout: 1 has ``cameras/<make>/<model>/[sn-<hash>/]<variant>.yaml``, 2 also ``statements/``."""
-
-STATED: Final = 2
-"""Layout from which statements say what is approved."""
-UNPROVEN: Final = (
-    "it has no statements, so nothing proves an approval. Make a registry anew with 'calibrary registry init', and add "
-    "these entries to it"
-)
-"""What a registry without statements that asks for approvals is told."""
+LAYOUT: Final = 3
+"""Version of the layout: ``cameras/<make>/<model>/[sn-<hash>/]<variant>.yaml``, and ``events/`` since the third."""
 LARGEST: Final = 64 << 10
 SCHEMA: Final = re.compile(r"calibrary/(registry|entry)-(\d{1,6})")
 
@@ -48,7 +40,8 @@ policy: "{policy}"
 # Whose approval it takes before an entry is used. Where people have keys, what they state is signed with them, such as
 # people: [{{name: "Ada", keys: ["ssh-ed25519 AAAA…"]}}, {{name: "Bob", keys: ["ssh-ed25519 AAAB…"]}}]
 # approvals: {{by: ["Ada", "Bob"], count: 2}}
-# A change of these two takes effect with 'calibrary registry approve registry.yaml'.
+# With count: 0 nobody has to: what stands in cameras/ is used.
+# A change of these three takes effect with 'calibrary registry approve registry.yaml'.
 """
 
 
@@ -60,12 +53,12 @@ class ApprovalRule(Record):
 
     Attributes:
         by: people whose approvals count: names of people:, or where those have no keys names or addresses as in git; if
-            empty, all people. Registries of layout 1 may have public ssh keys or OpenPGP fingerprints here.
-        count: required number of different people.
+            empty, all people.
+        count: required number of different people; 0 if what stands in ``cameras/`` is used as it is.
     """
 
     by: Annotated[tuple[Annotated[str, Meta(min_length=1, max_length=2000)], ...], Meta(max_length=200)] = ()
-    count: Annotated[int, Meta(ge=1, le=20)] = 1
+    count: Annotated[int, Meta(ge=0, le=20)] = 1
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -91,15 +84,17 @@ class Keyholder(Record):
 
 
 class RuleSet(Record):
-    """Who belongs to a registry, and whose approval an entry takes: what a statement puts in force.
+    """Who belongs to a registry, whose approval an entry takes, and its limits: what a statement puts in force.
 
     Attributes:
         people: people with their keys.
         approvals: requirements; one approval by anybody when absent.
+        policy: limits of the entries.
     """
 
     people: tuple[Keyholder, ...] = ()
     approvals: ApprovalRule = ApprovalRule()
+    policy: Policy = FLEET
 
     @classmethod
     def parsed(cls, document: Json) -> RuleSet:
@@ -179,7 +174,7 @@ class Configuration(Record, tag_field="schema", tag="calibrary/registry-1"):
     """Configuration of a registry: its rules and its layout.
 
     Attributes:
-        layout: 1: cameras/<make>/<model>/[sn-<hash>/]<variant>.yaml. 2: also statements/, which say what is approved.
+        layout: 3: cameras/<make>/<model>/[sn-<hash>/]<variant>.yaml, and events/, which say what is approved.
         entries: newest schema version in which entries are written.
         policy: policy for the entries; fleet when absent.
         people: people of the registry with the keys that they sign with.
@@ -188,7 +183,7 @@ class Configuration(Record, tag_field="schema", tag="calibrary/registry-1"):
         damage: why the file cannot be read, and that this is what it said before; None if it can.
     """
 
-    layout: Annotated[int, Meta(ge=1, le=LAYOUT)] = LAYOUT
+    layout: Annotated[int, Meta(ge=LAYOUT, le=LAYOUT)] = LAYOUT
     entries: Annotated[str, Meta(pattern="^calibrary/entry-[0-9]{1,6}$")] = f"calibrary/entry-{CURRENT}"
     policy: Policy = FLEET
     people: Annotated[tuple[Keyholder, ...], Meta(max_length=200)] = ()
@@ -206,7 +201,7 @@ class Configuration(Record, tag_field="schema", tag="calibrary/registry-1"):
     @property
     def rules(self) -> RuleSet:
         """What this file asks for; a statement puts it in force."""
-        return RuleSet(people=self.people, approvals=self.approvals or ApprovalRule())
+        return RuleSet(people=self.people, approvals=self.approvals or ApprovalRule(), policy=self.policy)
 
     @classmethod
     def _unwire(cls, document: dict[str, Json]) -> dict[str, Json]:
@@ -245,11 +240,11 @@ def parse_configuration(data: bytes, name: str = CONFIGURATION_FILE) -> Configur
     Raises:
         ParseError: it is not YAML, or does not match schemas/registry-1.schema.json.
         InputError: a limit of its policy is out of range.
-        RegistryError: it has a newer layout than is supported.
+        RegistryError: it has another layout than is supported.
     """
     value = load_yaml(data, source=name, max_bytes=LARGEST)
     if isinstance(value, dict):
-        _refuse_newer(value, name)
+        _refuse_other(value, name)
     return from_json(Configuration, value, source=name, locate=partial(line_of, data))
 
 
@@ -257,7 +252,7 @@ def configuration_at(repo: Repository, commit: str) -> Configuration | None:
     """Return the configuration at a commit, if need be the last one that can be read; None if there is none.
 
     Raises:
-        RegistryError: it is of a newer layout than is supported, or git cannot read it.
+        RegistryError: it is of another layout than is supported, or git cannot read it.
     """
     try:
         blob = repo.read(commit, CONFIGURATION_FILE)
@@ -271,7 +266,7 @@ def configuration_at(repo: Repository, commit: str) -> Configuration | None:
     return Configuration(damage=damage)
 
 
-def _refuse_newer(document: Mapping[str, YamlValue], name: str) -> None:
+def _refuse_other(document: Mapping[str, YamlValue], name: str) -> None:
     supported = {"registry": 1, "entry": CURRENT}
     for place in ("schema", "entries"):
         said = document.get(place)
@@ -281,6 +276,11 @@ def _refuse_newer(document: Mapping[str, YamlValue], name: str) -> None:
     layout = document.get("layout")
     if type(layout) is int and layout > LAYOUT:
         raise _newer(name, "layout", str(layout), str(LAYOUT))
+    if type(layout) is int and 0 < layout < LAYOUT:
+        raise RegistryError(
+            f"{name}: layout: is {layout}, an earlier one; 'calibrary registry init FOLDER --migrate' brings it to "
+            f"{LAYOUT}"
+        )
 
 
 def _newer(name: str, place: str, found: str, supported: str) -> RegistryError:

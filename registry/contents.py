@@ -23,12 +23,10 @@ from calibrary.known_camera import match_key
 from calibrary.registry.cache import Cache, Memory, file_of
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import LARGEST_ENTRY, parse_entry
-from calibrary.registry.fields import Value
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.paths import (
     CAMERAS,
-    PROPOSALS,
-    STATEMENTS,
+    EVENTS,
     folder_of,
     is_entry,
     model_folder,
@@ -42,15 +40,12 @@ from calibrary.version import __version__
 Mention: TypeAlias = tuple[str, str, str, str]
 """Path of the file, kind of the name, the name itself, and additional data."""
 
-VERSION: Final = f"1 {__version__} {' '.join((*Entry.__struct_fields__, *Standing.__struct_fields__))}"
+VERSION: Final = f"2 {__version__} {' '.join((*Entry.__struct_fields__, *Standing.__struct_fields__))}"
 """Version of what is kept."""
 BLOCK: Final = 500
-FOLDERS: Final = (CAMERAS, PROPOSALS)
-LABELLED: Final = f"{STATEMENTS}{LABELS}"
+LABELLED: Final = f"{EVENTS}{LABELS}"
 LINE_OF_LABEL: Final = re.compile(rb"^label:.*$", re.MULTILINE)
-ALIAS, LABEL, SUPERSEDES, NAMED = "alias", "label", "supersedes", "named"
-NAMING_KEYS: Final = (b"aliases", b"supersedes")
-"""Keys of a file that may state names; files without them are not parsed for this."""
+ALIAS, LABEL, NAMED = "alias", "label", "named"
 
 
 class _Model(Struct, frozen=True, array_like=True):
@@ -62,7 +57,6 @@ class _Model(Struct, frozen=True, array_like=True):
 
 _MODEL: Final = msgspec.msgpack.Decoder(_Model)
 _ENTRY: Final = msgspec.msgpack.Decoder(Entry)
-_ROW: Final = msgspec.msgpack.Decoder(dict[str, Value])
 _STANDING: Final = msgspec.msgpack.Decoder(Standing)
 
 
@@ -89,24 +83,22 @@ class Contents:
 
     @cached_property
     def files(self) -> Mapping[str, str]:
-        """Ids of all files in ``cameras/`` and ``proposals/``, by path, sorted."""
-        found = dict[str, str]()
-        for top in FOLDERS:
-            found |= self._folders(top)[1]
-            for model in self._in(top):
-                found |= model.files
+        """Ids of all files in ``cameras/``, by path, sorted."""
+        found = {**self._folders(CAMERAS)[1]}
+        for model in self._in(CAMERAS):
+            found |= model.files
         return MappingProxyType(dict(sorted(found.items())))
 
-    def mentions(self, kind: str, *tops: str) -> list[Mention]:
+    def mentions(self, kind: str) -> list[Mention]:
         """Return the names of one kind stated by all files, sorted by path."""
-        every = (name for top in tops or (*FOLDERS, LABELLED) for one in self._in(top) for name in one.names)
+        every = (name for top in (CAMERAS, LABELLED) for one in self._in(top) for name in one.names)
         return sorted(name for name in every if name[1] == kind)
 
     @cached_property
     def aliases(self) -> AliasMap:
         """Folders with entries in ``cameras/`` that have an alias (make, model), by the alias as match keys."""
         found: dict[tuple[str, str], set[str]] = {}
-        for _, _, name, folder in self.mentions(ALIAS, CAMERAS):
+        for _, _, name, folder in self.mentions(ALIAS):
             make, _, model = name.partition("\n")
             found.setdefault((make, model), set()).add(folder)
         return {name: frozenset(folders) for name, folders in found.items()}
@@ -140,7 +132,7 @@ class Contents:
         for path, data in zip(files, self._repo.readable([*files.values()]), strict=True):
             if is_entry(path):
                 yield from _names_in(path, data)
-            elif path.startswith(STATEMENTS):
+            elif path.startswith(EVENTS):
                 one = parse_statement(path, data)
                 if isinstance(one, Signed) and one.body.label:
                     yield path, NAMED, match_key(one.body.label), subject_in(path)
@@ -167,15 +159,6 @@ class Contents:
                     new[name] = entry
                 yield path, entry
             self.cache.keep(new)
-
-    def rows(self, oids: Iterable[str]) -> dict[str, dict[str, Value]]:
-        """Return the fields that are kept of entries, by git's id of their file."""
-        found = self.cache.get(_ROW, (f"row {oid}" for oid in oids))
-        return {name.removeprefix("row "): row for name, row in found.items()}
-
-    def keep_rows(self, rows: Mapping[str, Mapping[str, Value]]) -> None:
-        """Keep the fields of entries, by git's id of their file."""
-        self.cache.keep({f"row {oid}": row for oid, row in rows.items()})
 
     def standings(
         self,
@@ -206,7 +189,7 @@ class Contents:
         for subject in sorted(seen):
             by_model.setdefault(model_folder(subject), []).extend((subject, *sorted(seen[subject])))
         rules = sorted(name for subject, names in seen.items() if "/" not in subject for name in names)
-        rules.append(str(self._repo.listing(self._commit, f"{STATEMENTS}{RULES}")))
+        rules.append(str(self._repo.listing(self._commit, f"{EVENTS}{RULES}")))
         found = dict[str, str]()
         for folder, group in groupby(paths, key=model_folder):
             said = (*rules, *map(str, self._oids(folder)), *by_model.get(folder, ()))
@@ -217,12 +200,12 @@ class Contents:
     def _oids(self, folder: str) -> Iterator[str | None]:
         """Yield the ids of all folders in which something is said of a model."""
         own = folder.removeprefix(f"{CAMERAS}/")
-        for top in (*FOLDERS, f"{STATEMENTS}{CAMERAS}", LABELLED.rstrip("/")):
+        for top in (CAMERAS, f"{EVENTS}{CAMERAS}", LABELLED.rstrip("/")):
             yield self._repo.folder_id(self._commit, f"{top}/{own}")
 
 
 def _names_in(path: str, data: bytes) -> Iterator[Mention]:
-    if any(word in data for word in NAMING_KEYS):
+    if b"aliases" in data:
         entry = parsed_or_error(path, data, require_digest=False)
         if isinstance(entry, Entry):
             yield from stated_names(path, entry)
@@ -239,14 +222,6 @@ def stated_names(path: str, entry: Entry) -> Iterator[Mention]:
     for alias in entry.aliases:
         name = f"{match_key(alias.make)}\n{match_key(alias.model)}"
         yield path, ALIAS, name, folder_of(camera.make or "", camera.model or "")
-    if entry.supersedes is not None:
-        yield path, SUPERSEDES, entry.supersedes, ""
-
-
-def alias_folder(name: str) -> str:
-    """Return the folder for entries of the camera named by an alias."""
-    make, _, model = name.partition("\n")
-    return folder_of(make, model)
 
 
 def label_in(data: bytes) -> str | None:

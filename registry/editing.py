@@ -1,7 +1,7 @@
 """Changes of the label, tags, notes and validity days of one or many entries.
 
-Label, tags and notes do not affect which K is used, and are changed in the entry itself, approved or not. Days do: an
-entry with new days is proposed again and needs approval, as after ``calibrary registry add``. K is never changed here.
+Label, tags and notes do not affect which K is used, and are changed in the file, approved or not. Days do: an entry
+with new days is proposed again and needs approval, as after ``calibrary registry add``. K is never changed here.
 """
 
 from __future__ import annotations
@@ -17,12 +17,14 @@ from calibrary.arguments import Terms
 from calibrary.errors import InputError, RegistryError, first_of
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Validity
-from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.entry_yaml import entry_yaml, parse_entry
+from calibrary.registry.fields import differences
 from calibrary.registry.git.objects import ObjectId
-from calibrary.registry.paths import in_use_path, proposal_path, unit_folder
-from calibrary.registry.proposals import FREELY, Proposals, RowProblem, checked, proposal_of, propose
+from calibrary.registry.paths import file_path, proposed_name, unit_folder
+from calibrary.registry.proposals import FREELY, Proposals, RowProblem, checked, propose
 from calibrary.registry.snapshot import Snapshot, StoredEntry
 from calibrary.registry.spreadsheet import csv_text, read_sheet, same_number
+from calibrary.registry.stating import Change
 
 OPERATORS: Final = ("+=", "-=", "=")
 EDITABLE: Final[Mapping[str, tuple[str, ...]]] = {
@@ -150,9 +152,9 @@ def edit_keys(
 
 def _paths_of_key(snapshot: Snapshot, key: str) -> list[str]:
     """Return the entry that a key names, or all entries of the one unit that it names."""
-    found = snapshot.matching(key)
+    found = [*map(file_path, snapshot.matching(key))]
     units = {unit_folder(path) for path in found}
-    return found if len(units) == 1 and None not in units else [snapshot.find(key)]
+    return found if len(units) == 1 and None not in units else [file_path(snapshot.find(key))]
 
 
 def _places(snapshot: Snapshot, path: str, one: Assignment) -> list[str]:
@@ -160,46 +162,59 @@ def _places(snapshot: Snapshot, path: str, one: Assignment) -> list[str]:
     unit = unit_folder(path)
     if one.field != "label" or unit is None:
         return [path]
-    return [every for every in (*snapshot.paths, *snapshot.proposed) if unit_folder(every) == unit]
+    return [every for every in snapshot.cameras if unit_folder(every) == unit]
 
 
 def edit(snapshot: Snapshot, changes: Mapping[str, Edit], *, verb: str, terms: Terms = FREELY) -> Proposals:
-    """Propose changed entries, and changes of their proposals; nothing is written.
+    """Propose changed entries; nothing is written.
 
     Args:
         snapshot: newest state of the registry.
         changes: function that returns the changed entry, by path; K is not changed.
-        verb: first word of the commit's subject.
+        verb: first words of the commit's subject.
         terms: whether new days are approved at once; otherwise they are proposed.
 
     Raises:
         InputError: a label, tag, note or day is not valid.
         RegistryError: an entry cannot be read.
     """
-    beside = {
-        proposal_path(path): change
-        for path, change in changes.items()
-        if proposal_path(path) in snapshot.proposed
-    }
-    every = {**beside, **changes}
-    stored = [one for path in every if (one := snapshot.at(path)) is not None]
-    after = {one.path: _changed(one.entry, every[one.path]) for one in stored}
+    stored = [one for path in changes if (one := _filed(snapshot, path)) is not None]
+    after = {one.path: _changed(one.entry, changes[one.path]) for one in stored}
     dated = [one for one in stored if after[one.path].validity != one.entry.validity]
     if not dated:
-        items = [proposal_of(after[one.path], one.entry, one.base, path=one.path) for one in stored]
-        return checked(snapshot, items, verb, only_new=True)
+        items = [_set_free(one, after[one.path], terms) for one in stored]
+        due = [one for one in items if one.fields]
+        named = due[0].id if len(due) == 1 else f"{len(due)} cameras"
+        return replace(checked(snapshot, items, only_new=True), title=f"{verb} {named}")
     edited = [one for one in dated if _without_days(after[one.path]) != _without_days(one.entry)]
     if edited:
         raise InputError(
             f"{edited[0].id}: a label, tags and notes are written at once and days wait for approval; set them one "
             "after the other"
         )
-    waiting = next((one for one in stored if one.proposal is not None), None)
+    waiting = next((one for one in stored if one.is_pending and snapshot.at(one.path) is not None), None)
     if waiting is not None:
         raise RegistryError(
             f"{waiting.id}: another K is proposed for it; approve that, with its days, or retire it first"
         )
     return propose(snapshot, [after[one.path] for one in stored], terms, edited=True)
+
+
+def _filed(snapshot: Snapshot, path: str) -> StoredEntry | None:
+    """Return what the file of an entry says, if that waits for approval; else what is in force."""
+    return snapshot.at(proposed_name(path)) or snapshot.at(path)
+
+
+def _set_free(stored: StoredEntry, after: Entry, terms: Terms) -> Change:
+    return Change(
+        action="set",
+        before=stored.entry,
+        after=after,
+        why=terms.reason,
+        data=entry_yaml(after),
+        base=stored.base,
+        fields=differences(stored.entry, after),
+    )
 
 
 def _changed(entry: Entry, change: Edit) -> Entry:
@@ -301,7 +316,7 @@ def edit_by_table(snapshot: Snapshot, data: bytes, source: str) -> Proposals:
     if work.problems:
         return Proposals(items=(), problems=tuple(work.problems), remarks=tuple(remarks))
     edits: dict[str, Edit] = {path: _assigned(said) for path, said in work.assignments.items()}
-    proposals = edit(snapshot, edits, verb="Edit") if edits else Proposals(items=())
+    proposals = edit(snapshot, edits, verb="Set labels, tags and notes of") if edits else Proposals(items=())
     problems = [
         RowProblem(line=work.lines.get(error.place or "", 0), entry=error.place or "", message=error.message)
         for error in proposals.errors
@@ -347,14 +362,9 @@ class _Import:
             return [self._snapshot.get(key)]
         if not (serial := cells.get("serial")):
             raise InputError("names neither an entry nor a serial number")
-        every = {*self._snapshot.paths, *map(in_use_path, self._snapshot.proposed)}
-        paths = self._snapshot.of_unit(every, serial)
+        paths = self._snapshot.of_unit(self._snapshot.cameras, serial)
         model = cells.get("model", "")
-        found = [
-            one
-            for path in paths
-            if (one := self._snapshot.at(path) or self._snapshot.at(proposal_path(path)))
-        ]
+        found = [one for path in paths if (one := _filed(self._snapshot, path)) is not None]
         found = [one for one in found if not model or model == one.entry.calibration.camera.model]
         if len({one.entry.unit for one in found}) != 1:
             several = "several units have it; state the model" if found else "no unit of the registry has it"

@@ -43,7 +43,7 @@ VERDICT_BLOCK: Final = "x-board-calibration"
 BLOCKS_WITH_EXTENSIONS: Final = ("camera", "sensor", "quality", "provenance")
 """Blocks that may contain ``x-`` fields, in addition to the file itself; K and distortion may not."""
 
-ORDER: Final = ("schema", "status", "reason", "digest", "camera", "label", "tags", "intrinsics", "distortion", "sensor",
+ORDER: Final = ("schema", "digest", "camera", "label", "tags", "intrinsics", "distortion", "sensor",
     "grade", "quality", "rig", "provenance", "aliases", "validity", "tolerance", "supersedes", "override", "notes",
     "extras")  # fmt: skip
 """Order of the blocks in a file; blocks not listed here follow at the end."""
@@ -168,6 +168,10 @@ def _pairs(covariance: Covariance) -> dict[str, float]:
 
 Document: TypeAlias = "dict[str, YamlValue]"
 
+OF_FORMER_LAYOUT: Final = (
+    "is a line of an earlier layout, in which files said what is approved: take it out, or bring the whole registry to "
+    "this one ('calibrary registry init FOLDER --migrate')"
+)
 CURRENT: Final = 1
 
 
@@ -194,6 +198,8 @@ def migrated(value: YamlValue, *, source: str) -> Document:
     """
     if not isinstance(value, dict):
         raise ParseError("is not a map of an entry's fields", source=source)
+    if "status" in value:
+        raise ParseError(OF_FORMER_LAYOUT, source=source, place="status")
     found = _version(value, source)
     if found > CURRENT:
         raise ParseError(
@@ -233,7 +239,7 @@ Stated = Meta(extra_json_schema={"minProperties": 1})
 
 
 class Status(StrEnum):
-    """Status of an entry, which decides whether it may be used."""
+    """Whether an entry may be used; no file says so, but the statements on it."""
 
     DRAFT = "draft"
     APPROVED = "approved"
@@ -339,8 +345,8 @@ class EntryFields(Record):
     Attributes:
         calibration: K in the canonical pixel origin, and distortion; its camera is the entry's key, with a hashed
             serial number and without firmware (see ``firmware``).
-        status: only approved entries are used.
-        reason: reason for the status.
+        status: only approved entries are used; a draft is proposed. It is not in the file: the statements decide.
+        reason: why it was approved or retired, as stated.
         firmware: firmware versions that the entry applies to; None for all.
         aliases: other names of the camera.
         sensor: physical sensor.
@@ -381,6 +387,7 @@ class Entry(EntryFields, tag_field="schema", tag="calibrary/entry-1"):
     """
 
     _lifted: ClassVar[str | None] = "calibration"
+    _unwritten: ClassVar[frozenset[str]] = frozenset({"status", "reason"})
 
     def _wire(self, document: dict[str, Json]) -> dict[str, Json]:
         """Convert the fields of an entry to the form of its file."""
@@ -409,8 +416,6 @@ class Entry(EntryFields, tag_field="schema", tag="calibrary/entry-1"):
         Raises:
             InputError: a value is missing or out of bounds. The schema gives a better message.
         """
-        if "status" not in document:
-            raise InputError("lacks status")
         extensions = _take_extensions(document)
         document.pop("digest", None)
         calibration = {name: document.pop(name) for name in Calibration.__struct_fields__ if name in document}
@@ -459,7 +464,7 @@ class Entry(EntryFields, tag_field="schema", tag="calibrary/entry-1"):
         for part in (schema, camera, defs["Sensor"], defs["Quality"], provenance):
             part["patternProperties"] = {"^x-": {}}
         return schema | {
-            "required": ["schema", "status", "camera", "intrinsics", "grade"],
+            "required": ["schema", "camera", "intrinsics", "grade"],
             "properties": {name: members[name] for name in [*ORDER, *(members.keys() - {*ORDER})]},
         }
 
@@ -550,6 +555,11 @@ class Entry(EntryFields, tag_field="schema", tag="calibrary/entry-1"):
     def is_usable(self) -> bool:
         """Whether the status allows use."""
         return self.status.is_usable
+
+    @property
+    def as_draft(self) -> Self:
+        """The entry as its file says it, which holds no status."""
+        return replace(self, status=Status.DRAFT, reason=None)
 
     @property
     def made_for(self) -> str | None:

@@ -7,7 +7,8 @@ pass in, because it takes more than the registry.
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import cached_property
 from itertools import combinations, groupby
 from types import MappingProxyType
@@ -23,12 +24,11 @@ from calibrary.known_camera import match_key
 from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.registry.entry import PARAMETERS, UNSTATED, Alias, Entry, Status, sealed
-from calibrary.registry.entry_yaml import TURNS, parse_entry
 from calibrary.registry.paths import (
     ROOT,
     SUFFIX,
+    file_path,
     folder_of,
-    in_use_path,
     is_proposal,
     model_folder,
     path_of,
@@ -60,7 +60,7 @@ SMALLEST_EIGENVALUE: Final = -1e-9
 
 
 def _path(path: str, entry: Entry, _: Policy) -> Iterator[Finding]:
-    if entry.path != in_use_path(path):
+    if entry.path != file_path(path):
         yield finding_of(path, "path", f"its key gives {entry.path}; move it there, or correct the key")
 
 
@@ -204,52 +204,34 @@ class Naming(Struct, frozen=True):
     supersedes: str | None
 
 
-class Checked(Struct, frozen=True):
-    """What checking the entries of one model found.
-
-    Attributes:
-        findings: the findings that follow from these entries alone.
-        namings: what they say that is compared with other models.
-    """
-
-    findings: tuple[Finding, ...]
-    namings: tuple[Naming, ...]
-
-
 def check(
-    entries: Mapping[str, bytes],
+    entries: Mapping[str, Entry],
     policy: Policy,
     last_approved: Mapping[str, Entry] = MappingProxyType({}),
-    parse: Callable[[bytes, str], Entry] = parse_entry,
     judge: Judge | None = None,
-    known: MutableMapping[str, Checked] | None = None,
 ) -> tuple[Finding, ...]:
-    """Check every entry against the schema, its digest, its path, the policy, its camera, and the other entries.
+    """Check every entry against its path, the policy, its camera, and the other entries.
 
     Args:
-        entries: content of each file by path. Each is read once or twice, in the order of :func:`check_order`, so the
-            mapping may load it on demand.
+        entries: what is in force by its path, and what is proposed by its name. Each is read once or twice, in the
+            order of :func:`check_order`, so the mapping may load it on demand; one that raises InputError is left out.
         policy: limits of plausibility.
         last_approved: usable entries before the checked change, by path.
-        parse: reads an entry from its content and path, and raises InputError.
         judge: weighs K against what is known of its camera; None leaves that out.
-        known: what is known of models, by their folder, from checking the same content before; others are added.
     """
-    tree, known = _Tree(entries), {} if known is None else known
+    tree = _Tree(entries)
     findings: list[Finding] = []
-    for folder, paths in groupby(sorted(entries, key=check_order), key=model_folder):
-        data, group = {path: entries[path] for path in paths}, dict[str, Entry]()
-        done = known.get(folder)
-        if done is None:
-            found = [one for path in data for one in _read_into(group, path, data[path], parse)]
-            found += _of_model(group, policy, last_approved, judge)
-            done = known[folder] = Checked(tuple(found), tuple(_namings(group)))
-        findings += done.findings
-        for naming in done.namings:
+    for _, names in groupby(sorted(entries, key=check_order), key=model_folder):
+        group = dict[str, Entry]()
+        for name in names:
+            with suppress(InputError):
+                group[name] = entries[name]
+        findings += _of_model(group, policy, last_approved, judge)
+        for naming in _namings(group):
             findings += tree.references(naming)
             findings += tree.labels(naming)
     findings += tree.shared_aliases()
-    return in_order(findings)
+    return in_order(replace(one, place=file_path(one.place or "")) for one in findings)
 
 
 def _namings(group: Mapping[str, Entry]) -> Iterator[Naming]:
@@ -269,43 +251,21 @@ def _of_model(
             yield from rule(path, entry, policy)
         if judge is not None:
             # Compare a proposal with the entry that it will replace.
-            there = group.get(in_use_path(path)) if is_proposal(path) else None
-            yield from judge(path, entry, group, last_approved.get(in_use_path(path)) or there, policy)
+            there = group.get(file_path(path)) if is_proposal(path) else None
+            yield from judge(path, entry, group, last_approved.get(file_path(path)) or there, policy)
     yield from _overlaps(group)
     yield from _resolves_to_itself(group)
 
 
-def _read_into(
-    group: dict[str, Entry], path: str, data: bytes, parse: Callable[[bytes, str], Entry]
-) -> Iterator[Finding]:
-    """Read an entry into its group; a proposal is treated as a draft, whatever its status."""
-    turns = None if data.isascii() else TURNS.search(data.decode("utf-8", "replace"))
-    if turns is not None:
-        message = (
-            f"{turns[0]!a} in it turns what people see into another order than that of the text; take it out"
-        )
-        yield finding_of(path, "spelling", message, Severity.WARNING)
-    try:
-        entry = parse(data, path)
-    except InputError as error:
-        yield finding_of(path, "digest" if error.place == "digest" else "entry", str(error))
-        return
-    if is_proposal(path) and entry.status is not Status.DRAFT:
-        message = f"is {entry.status.value} and is among the proposals, expected a draft"
-        yield finding_of(path, "proposal", f"{message}; 'calibrary registry approve' puts it to use")
-        entry = replace(entry, status=Status.DRAFT)
-    group[path] = entry
-
-
 def check_order(path: str) -> tuple[str, str]:
-    """Return the sort key of a path: the proposals for a model follow its usable entries."""
+    """Return the sort key of a name: by model."""
     return model_folder(path), path
 
 
 class _Tree:
     """Data compared across folders: the paths, aliases and labels of all entries."""
 
-    def __init__(self, entries: Mapping[str, bytes]) -> None:
+    def __init__(self, entries: Mapping[str, Entry]) -> None:
         self.entries = entries
         self.paths: Sequence[str] = sorted(entries)
         self._named: dict[tuple[str, str], dict[str, str]] = {}
@@ -334,14 +294,14 @@ class _Tree:
     @cached_property
     def _words(self) -> dict[str, str]:
         """Map the makes and models in KEYs to the path of one of their entries."""
-        return {word: path for path in self.paths for word in in_use_path(path).split("/")[1:3]}
+        return {word: path for path in self.paths for word in path.split("/")[1:3]}
 
     def labels(self, entry: Naming) -> Iterator[Finding]:
         """Check that a unit has one label, which no other unit has."""
         path = entry.path
         if entry.label is None:
             return
-        unit = unit_folder(path) or in_use_path(path)
+        unit = unit_folder(path) or file_path(path)
         if unit_folder(path) is None:
             message = f"{entry.label} is the label of one unit, and the entry is of every unit of its model"
             yield finding_of(path, "label", f"{message}; state its serial number", Severity.WARNING)
@@ -374,7 +334,7 @@ class _Tree:
             yield finding_of(path, "supersedes", f"it supersedes {target}, which does not exist")
             return
         try:
-            other = parse_entry(self.entries[there], there)
+            other = self.entries[there]
         except InputError:
             return
         if entry.status.is_usable and other.is_usable:

@@ -19,7 +19,7 @@ from typing import Final, TypeAlias, cast
 from msgspec import Struct
 
 from calibrary.errors import InputError, ParseError, RegistryError
-from calibrary.records import Json, from_json, replace, to_json
+from calibrary.records import Json, from_json, to_json
 from calibrary.registry.entry import Entry, digest, migrated
 from calibrary.strictjson import parse_json
 from calibrary.strictyaml import Place, YamlScalar, YamlValue, line_of, load_yaml, places_in
@@ -27,6 +27,7 @@ from calibrary.strictyaml import Place, YamlScalar, YamlValue, line_of, load_yam
 LARGEST_ENTRY: Final = 256 << 10
 """Bytes; an entry has about 2000."""
 ENTRY_MARK: Final = re.compile(rb"^schema:[ ]*\"?calibrary/entry-\d", re.MULTILINE)
+FORMER_STATUS: Final = re.compile(rb"^(?:status|reason):[^\n]*\n", re.MULTILINE)
 DEEPEST: Final = 16
 _ESCAPES = {"\\": "\\\\", '"': '\\"', "\n": "\\n", "\r": "\\r", "\t": "\\t", "\0": "\\0"}
 _PLAIN_KEY = re.compile(r"x-[A-Za-z0-9_.-]*[A-Za-z0-9_]")
@@ -68,22 +69,21 @@ LAYOUT: Final = Layout(
 )
 
 
-def entry_yaml(entry: Entry, formers: Sequence[bytes] = (), without: Collection[str] = ()) -> bytes:
+def entry_yaml(entry: Entry, formers: Sequence[bytes] = ()) -> bytes:
     """Return the file of an entry; the bytes are deterministic and restore the entry exactly.
 
     Args:
         entry: the entry.
         formers: files that it takes the place of: comments of all of them and the order of the first one stay.
-        without: comments to leave out, as text.
 
     Raises:
         InputError: a text contains a lone surrogate, a number is not finite, or an extension is nested too deeply.
     """
-    found = _with_formers(entry, formers, without)
+    found = _with_formers(entry, formers)
     return found if found is not None else _file(to_json(entry))
 
 
-def _with_formers(entry: Entry, formers: Sequence[bytes], without: Collection[str] = ()) -> bytes | None:
+def _with_formers(entry: Entry, formers: Sequence[bytes]) -> bytes | None:
     """Return the file of an entry as :func:`entry_yaml` does; None if comments make it too large to be one."""
     document = to_json(entry)
     plain = _file(document)
@@ -94,9 +94,9 @@ def _with_formers(entry: Entry, formers: Sequence[bytes], without: Collection[st
         ordered = in_order_of(document, load_yaml(formers[0], source="", max_depth=DEEPEST))
     except InputError:
         ordered = document
-    data = with_comments(_file(ordered), formers, {*LEGEND.splitlines(), *without})
+    data = with_comments(_file(ordered), formers, LEGEND.splitlines())
     try:
-        return data if parse_entry(data, "") == entry else None
+        return data if parse_entry(data, "") == entry.as_draft else None
     except InputError:
         return None
 
@@ -307,6 +307,11 @@ def _escaped(character: str) -> str:
     return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
 
 
+def without_status(data: bytes) -> bytes:
+    """Return an entry's file of the former layout as it is in this one."""
+    return FORMER_STATUS.sub(b"", data)
+
+
 def parsed(data: bytes, path: str, *, require_digest: bool = True) -> Entry:
     """Return the entry in a registry's file.
 
@@ -317,39 +322,6 @@ def parsed(data: bytes, path: str, *, require_digest: bool = True) -> Entry:
         return parse_entry(data, path, require_digest=require_digest)
     except InputError as error:
         raise RegistryError(str(error)) from None
-
-
-def combined(path: str, base: bytes, ours: bytes, theirs: bytes) -> bytes | None:
-    """Return one entry of two changes of it; None if they contradict, or their comments do not fit into one file.
-
-    Labels, tags, notes and comments are combined, because no approval covers them. All else is of one side, so that no
-    K is mixed from two, and what was approved stays what was approved.
-    """
-    try:
-        old, mine, other = (parsed(data, path) for data in (base, ours, theirs))
-    except RegistryError:
-        return None
-    old_rest, my_rest, other_rest = (_without_free(one) for one in (old, mine, other))
-    if my_rest != old_rest and other_rest not in (old_rest, my_rest):
-        return None
-    labels = {one.label for one in (mine, other)} - {old.label}
-    notes = {one.notes for one in (mine, other)} - {old.notes}
-    if len(labels) > 1 or len(notes) > 1:
-        return None
-    result = mine if my_rest != old_rest else other
-    gone = {*old.tags} - ({*mine.tags} & {*other.tags})
-    entry = replace(
-        result,
-        label=labels.pop() if labels else old.label,
-        tags=tuple(({*mine.tags} | {*other.tags}) - gone),
-        calibration=replace(result.calibration, notes=notes.pop() if notes else old.notes),
-    )
-    removed = comments_in(base) - (comments_in(ours) & comments_in(theirs))
-    return _with_formers(entry, (ours, theirs), removed)
-
-
-def _without_free(entry: Entry) -> Entry:
-    return replace(entry, label=None, tags=(), calibration=replace(entry.calibration, notes=()))
 
 
 # Comments and the order of fields that people put into a file. A comment on a line of its own belongs to the field or

@@ -48,8 +48,8 @@ class FieldChange(Record):
 
 
 def entry_fields(entry: Entry) -> dict[str, Field]:
-    """Return all fields of an entry in the order of its file; missing values are omitted."""
-    document = to_json(entry)
+    """Return all fields of an entry, its status first, in the order of its file; missing values are omitted."""
+    document = {"status": entry.status.value, "reason": entry.reason, **to_json(entry)}
     if document["distortion"] is None:
         document["distortion"] = "unknown"
     return {name: value for name, value in flat(document).items() if name not in NOT_SHOWN}
@@ -79,7 +79,7 @@ def known_fields() -> frozenset[str]:
 
     std = {f"quality.std.{name}" for name in PARAMETERS}
     lenses = {f"distortion.{name}" for model in MODELS.values() for name in model.names()}
-    return frozenset({*names(document, ""), *std, *lenses} - NOT_SHOWN)
+    return frozenset({"status", "reason", *names(document, ""), *std, *lenses} - NOT_SHOWN)
 
 
 def differences(before: Entry | None, after: Entry) -> tuple[FieldChange, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from contextlib import suppress
 from datetime import datetime
 from itertools import pairwise
 from typing import Any, Final, Literal
@@ -11,29 +12,31 @@ from typing import Any, Final, Literal
 from msgspec import Struct, field
 
 from calibrary.calibration import Grade
-from calibrary.errors import UnknownCameraError
+from calibrary.errors import InputError, RegistryError, UnknownCameraError
 from calibrary.interop.notebook import html_table
 from calibrary.records import Record
 from calibrary.registry.contents import Contents
-from calibrary.registry.entry import PARAMETERS, Entry, Status
+from calibrary.registry.entry import PARAMETERS, Entry, digest
+from calibrary.registry.entry_yaml import parse_entry, without_status
 from calibrary.registry.fields import FieldChange, entry_rows
 from calibrary.registry.git import history as git_history
 from calibrary.registry.git.history import SOURCE_FILE, SOURCE_SHA256, Revision
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.paths import ROOT, SUFFIX, proposal_path
+from calibrary.registry.paths import EVENTS, ROOT, SUFFIX, file_path
 from calibrary.registry.snapshot import ListedEntry, Snapshot, StoredEntry
+from calibrary.registry.statements import action_in, subject_of
 
 DIGEST: Final = re.compile(rb"^digest: (\S+)", re.MULTILINE)
 
 
 class EntryRevision(Struct, frozen=True, kw_only=True):
-    """A commit that changed an entry.
+    """A commit that changed an entry's file, or states something of it.
 
     Attributes:
         revision: the commit.
-        entry: the entry after it; None if it was removed or cannot be read, or the commit changed several.
-        before: the entry before it.
+        entry: what the file says after it; None if it was removed or cannot be read, or the commit changed several.
+        before: what the file said before it.
     """
 
     revision: Revision
@@ -44,6 +47,13 @@ class EntryRevision(Struct, frozen=True, kw_only=True):
     def reason(self) -> str | None:
         """Reason stated in the commit."""
         return next((value for key, value in self.revision.trailers if key == "Reason"), None)
+
+    @property
+    def actions(self) -> tuple[str, ...]:
+        """What the statements of the commit do with the entry."""
+        return tuple(
+            sorted({action for path in self.revision.beside if (action := action_in(path)) is not None})
+        )
 
     @property
     def cameras(self) -> tuple[str, ...]:
@@ -141,7 +151,10 @@ def of_path(
     """
     if revisions is None:
         # One more than requested, since the oldest is compared with its predecessor.
-        revisions = git_history.history(repo, path, at, most=most + 1 if most is not None else None)
+        beside = f"{EVENTS}{subject_of(path)}"
+        revisions = git_history.history(
+            repo, path, at, most=most + 1 if most is not None else None, beside=beside
+        )
     entries = _entries(repo, at, revisions)
     found = zip(revisions, pairwise([*entries, None]), strict=True)
     return tuple(EntryRevision(revision=one, entry=entry, before=before) for one, (entry, before) in found)[
@@ -167,7 +180,7 @@ def recorded(repo: Repository, stored: StoredEntry) -> Recorded | None:
 
 
 def approvals_of(repo: Repository, stored: StoredEntry) -> tuple[Approval, ...]:
-    """Return the approvals of an entry that is in use; none in a registry without statements.
+    """Return the approvals of an entry that is in use.
 
     Raises:
         RegistryError: the history cannot be read.
@@ -198,34 +211,22 @@ def origin(repo: Repository, stored: StoredEntry) -> Revision | None:
     """
     if stored.commit is None:
         return None
-    found, digest = _oldest_like(repo, stored.path, stored.commit, None)
-    if found is None or found.commit in repo.shallow_commits:
-        return None
-    beside = proposal_path(found.path)
-    if beside != found.path and found.parents and repo.read(found.parents[0], beside) is not None:
-        # That commit approved it; the history of the proposal contains its author.
-        earlier, _ = _oldest_like(repo, beside, found.parents[0], digest)
-        return earlier or found
-    return found
-
-
-def _oldest_like(
-    repo: Repository, path: str, at: str, digest: bytes | None
-) -> tuple[Revision | None, bytes | None]:
-    """Return the oldest revision since which a file's digest is unchanged: the given one, or that of the newest."""
+    numbers = digest(stored.entry.calibration, stored.entry.sensor, stored.entry.rig).encode()
     found = None
-    for revision in git_history.history(repo, path, at):
+    for revision in git_history.history(repo, stored.path, stored.commit):
         data = next(repo.readable([revision.oid])) if revision.oid is not None else b""
         line = DIGEST.search(data)
-        if line is None or (digest is not None and line[1] != digest):
+        is_same = line is not None and line[1].strip(b'"') == numbers
+        if found is not None and not is_same:
             break
-        found, digest = revision, line[1]
-    return found, digest
+        # The file may say something newer, which is proposed.
+        found = revision if is_same else None
+    return None if found is None or found.commit in repo.shallow_commits else found
 
 
 def _path(snapshot: Snapshot, key: str) -> str:
     try:
-        return snapshot.find(key)
+        return file_path(snapshot.find(key))
     except UnknownCameraError:
         repo, commit = snapshot.require_git("has no history")
         gone = f"{ROOT}{key.strip('/')}{SUFFIX}"
@@ -240,6 +241,10 @@ def _entries(repo: Repository, at: str, revisions: Sequence[Revision]) -> list[E
     contents = zip(there.items(), repo.readable([*there]), strict=True)
     parsed = Contents(repo, at).parsed((oid, path, data) for (oid, path), data in contents)
     entries = {oid: entry for oid, (_, entry) in zip(there, parsed, strict=True) if isinstance(entry, Entry)}
+    for oid in there.keys() - entries.keys():
+        # It may be of the former layout.
+        with suppress(InputError, RegistryError):
+            entries[oid] = parse_entry(without_status(repo.blob(oid)), there[oid])
     return [entries.get(one.oid) if one.oid is not None else None for one in revisions]
 
 
@@ -319,8 +324,9 @@ class LoggedRevision(LoggedCommit):
 
     Attributes:
         cameras: cameras named in the commit.
-        path: path of the entry at that time; None for a commit of the whole registry.
-        status, grade: status and grade of the entry; None if it was removed or cannot be read.
+        path: path of the entry; None for a commit of the whole registry.
+        actions: what the statements of the commit do with the entry.
+        grade: grade of the entry; None if it was removed or cannot be read.
         firmware: firmware with which the calibration was made, else the range of the entry.
         K: intrinsics; None if the entry was removed or cannot be read.
         delta: difference from the previous revision; None if there is none to compare with.
@@ -329,7 +335,7 @@ class LoggedRevision(LoggedCommit):
 
     cameras: tuple[str, ...]
     path: str | None
-    status: Status | None
+    actions: tuple[str, ...]
     grade: Grade | None
     firmware: str | None
     K: LoggedK | None
@@ -361,7 +367,7 @@ def _logged(one: EntryRevision) -> LoggedRevision:
         **_commit(one),
         cameras=one.cameras,
         path=one.revision.path or None,
-        status=entry.status if entry is not None else None,
+        actions=one.actions,
         grade=entry.calibration.grade if entry is not None else None,
         firmware=one.firmware,
         K=LoggedK(**{name: float(getattr(K, name)) for name in PARAMETERS}) if K is not None else None,

@@ -3,7 +3,7 @@
 1. A statement counts if it names this registry and its key is of a person in the rules in force; without keys, its
    e-mail is the person. What a change of the rules keeps counts on.
 2. A content is approved if as many different people as the rules ask for approved exactly it, or if a change of the
-   rules keeps it.
+   rules keeps it. Where they ask for nobody, what the file in ``cameras/`` says is approved too, and replaces all else.
 3. A retirement ends the contents that it names, or all that do not name it under ``restores``; on all days, or from its
    day on.
 4. Of the contents that are approved, not ended and valid, those count that no other such content replaces, itself or
@@ -17,16 +17,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from datetime import date
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from datetime import date, timedelta
 from functools import cached_property
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
-from msgspec import Struct
+from msgspec import Struct, structs
 
 from calibrary.errors import InputError, RegistryError
-from calibrary.registry.configuration import RuleSet
-from calibrary.registry.paths import STATEMENTS
+from calibrary.registry.configuration import ApprovalRule, RuleSet
+from calibrary.registry.paths import EVENTS
 from calibrary.registry.statements import (
     DIGITS,
     FOUNDATION,
@@ -40,6 +40,8 @@ from calibrary.registry.statements import (
     state_after,
 )
 
+FREE: Final = RuleSet(approvals=ApprovalRule(count=0))
+"""The rules of files without any: what stands in ``cameras/`` is used."""
 FORMER: Final = "was made under former rules, by a key of nobody in those in force"
 MOST: Final = 10_000
 """Statements on one subject that are read; a person makes one at a time."""
@@ -86,7 +88,7 @@ class People(Struct, frozen=True, kw_only=True, dict=True):
 
     def suffice(self, approvals: Iterable[Signed]) -> bool:
         """Return whether enough different people approve."""
-        return len(self.counted(approvals)) >= self.rules.approvals.count
+        return len(self.counted(approvals)) >= max(self.rules.approvals.count, 1)
 
 
 class Rulebook(Struct, frozen=True, kw_only=True):
@@ -132,6 +134,12 @@ class Rulebook(Struct, frozen=True, kw_only=True):
         if one.key is not None and any(one.key in former.owners for former in self.chain.values()):
             return why if one.key in self.people.owners else FORMER
         return why
+
+    @classmethod
+    def free(cls) -> Rulebook:
+        """Return the rules of files without any."""
+        founding = Body(action=FOUNDATION, subject=RULES, person="", made="")
+        return cls(founding=Signed(path="", body=founding, key=None), chain={"": People(rules=FREE)})
 
     @classmethod
     def of(
@@ -185,8 +193,8 @@ def _foundation(statements: Sequence[Signed], known: str | None) -> Signed:
     what = "the statement that it was founded with" if not first else f"{len(first)} foundations"
     hint = f" {known}" if known is not None and not first else ""
     raise RegistryError(
-        f"{STATEMENTS}{RULES}/: {what}{hint}{' is missing' if not first else ', expected one'}; nobody can say "
-        "what is approved: 'git log -- statements' shows who changed it, and git revert undoes it"
+        f"{EVENTS}{RULES}/: {what}{hint}{' is missing' if not first else ', expected one'}; nobody can say "
+        "what is approved: 'git log -- events' shows who changed it, and git revert undoes it"
     )
 
 
@@ -245,10 +253,10 @@ class _Changes:
             paths = " and ".join(sorted(self.made[one][0].path for one in torn))
             raise RegistryError(
                 f"{paths}: changes of the rules take out each other's signers; nobody can say who decides: "
-                f"'git log -- {STATEMENTS}{RULES}' shows who made them; remove the file of the wrong one"
+                f"'git log -- {EVENTS}{RULES}' shows who made them; remove the file of the wrong one"
             )
         if pairs:
-            self.problems.append((f"{STATEMENTS}{RULES}", BOTH))
+            self.problems.append((f"{EVENTS}{RULES}", BOTH))
         return None
 
     def _stands(self, one: str, other: str) -> bool:
@@ -282,11 +290,17 @@ class Content(Struct, frozen=True, kw_only=True):
     @classmethod
     def of(cls, body: Body) -> Content:
         """Return the content of an approval."""
-        entry = body.content or {}
-        says = sha256(canonical(entry))
-        name = canonical({"says": says, "replaces": [*body.replaces], "restores": [*body.restores]})
+        return cls.made(body.content or {}, body.replaces, body.restores)
+
+    @classmethod
+    def made(
+        cls, entry: Mapping[str, Any], replaces: tuple[str, ...] = (), restores: tuple[str, ...] = ()
+    ) -> Content:
+        """Return the content of an entry as approvals hold it."""
+        says = sha256(canonical(dict(entry)))
+        name = canonical({"says": says, "replaces": [*replaces], "restores": [*restores]})
         digits = sha256(name)[:DIGITS]
-        return cls(id=digits, says=says, replaces=body.replaces, restores=body.restores, entry=entry)
+        return cls(id=digits, says=says, replaces=replaces, restores=restores, entry=entry)
 
     @property
     def rank(self) -> tuple[str, str]:
@@ -298,6 +312,15 @@ class Content(Struct, frozen=True, kw_only=True):
     def _days(self) -> tuple[str, str]:
         days = self.entry.get("validity") or {}
         return str(days.get("from") or ""), str(days.get("until") or "9999")
+
+    @property
+    def edges(self) -> Iterator[date]:
+        """Yield the days on which it begins, or is over."""
+        first, last = self._days
+        if first:
+            yield date.fromisoformat(first)
+        if last < "9999":
+            yield date.fromisoformat(last) + timedelta(days=1)
 
     def is_of(self, day: date | None) -> bool:
         """Return whether it is valid on a day; on any, if no day is given."""
@@ -367,9 +390,39 @@ class InForce(Struct, frozen=True, kw_only=True):
             )
         return min(best, key=lambda one: one.id, default=None)
 
+    @property
+    def periods(self) -> list[Period]:
+        """What is in force on which days, earliest first.
 
-def in_force(book: Rulebook, statements: Sequence[Signed | Broken]) -> InForce:
-    """Return what the statements on one entry put in force."""
+        Raises:
+            RegistryError: nobody can say of some days.
+        """
+        starts = {said.body.start for said in self.ends if said.body.start is not None}
+        edges = sorted(starts.union(*(one.edges for one in self.approved.values())))
+        found: list[Period] = []
+        before: Content | None = None
+        for first, following in zip([None, *edges], [*edges, None], strict=True):
+            content = self.on(first or date.min)
+            last = following - timedelta(days=1) if following is not None else None
+            if content is not None:
+                begin = found.pop()[0] if content is before else first
+                found.append((begin, last, content))
+            before = content
+        return found
+
+
+Period: TypeAlias = "tuple[date | None, date | None, Content]"
+"""The first and the last day of a content; None for an open end."""
+
+
+def in_force(book: Rulebook, statements: Sequence[Signed | Broken], here: Content | None = None) -> InForce:
+    """Return what the statements on one entry put in force.
+
+    Args:
+        book: the rules.
+        statements: those on the entry.
+        here: what its file says, which counts where the rules ask for nobody's approval.
+    """
     if len(statements) > MOST:
         return InForce(problem=f"has {len(statements)} statements, and {MOST} are read")
     contents, approvals, ends = dict[str, Content](), dict[str, list[Signed]](), list[Signed]()
@@ -397,6 +450,9 @@ def in_force(book: Rulebook, statements: Sequence[Signed | Broken]) -> InForce:
         for name, one in contents.items()
         if name in book.kept or book.people.suffice(approvals[name])
     }
+    if here is not None and not book.people.rules.approvals.count:
+        others = tuple(name for name, one in approved.items() if one.says != here.says)
+        approved = {**approved, here.id: structs.replace(here, replaces=others)}
     waiting = {name: one for name, one in contents.items() if name not in approved and approvals[name]}
     return InForce(approved=approved, approvals=approvals, waiting=waiting, ends=ends)
 

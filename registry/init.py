@@ -14,17 +14,17 @@ from calibrary.distortion import BrownConrady
 from calibrary.distortion.described import document
 from calibrary.errors import CalibraryError, RegistryError
 from calibrary.records import Record, replace
-from calibrary.registry.configuration import configuration_yaml, parse_configuration
+from calibrary.registry.configuration import LAYOUT, configuration_yaml, parse_configuration
 from calibrary.registry.entry import Entry
-from calibrary.registry.entry_yaml import entry_yaml
+from calibrary.registry.entry_yaml import entry_yaml, parsed, without_status
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.program import check_url, without_secret
 from calibrary.registry.git.remotes import clone
 from calibrary.registry.git.repository import Repository, create, index_paths
-from calibrary.registry.git.writing import Change, identity
-from calibrary.registry.paths import CAMERAS, DOCUMENT, check_path
+from calibrary.registry.git.writing import FileChange, identity
+from calibrary.registry.paths import CAMERAS, DOCUMENT, EVENTS, ROOT, check_path, is_entry
 from calibrary.registry.places import CONFIGURATION_FILE
-from calibrary.registry.proposals import Note, write_changes
+from calibrary.registry.proposals import message_of, write_changes
 from calibrary.registry.registry import Registry
 from calibrary.registry.stating import founded
 from calibrary.version import __version__
@@ -32,7 +32,7 @@ from calibrary.version import __version__
 REQUIREMENT: Final = f"=={__version__}"
 """Version that created this registry: checks must not change with an unreviewed release."""
 
-FIRST: Final = Note(subject="Create a registry of camera calibrations")
+FIRST: Final = message_of("Create a registry of camera calibrations")
 LAST_NAME: Final = re.compile(r"([\w.-]+?)(?:\.git)?/*\Z")
 
 
@@ -114,6 +114,44 @@ def init_from(url: str, place: Path, *, bare: bool = False) -> InitReport:
     return replace(made, cloned_from=shown)
 
 
+def migrated(place: Path) -> InitReport:
+    """Bring a registry of the former layout to this one, in one commit; what is in force stays in force.
+
+    There, ``statements/`` held what ``events/`` holds, ``proposals/`` what was proposed, and each file a status.
+
+    Raises:
+        RegistryError: it is not a registry of that layout, or a file in it cannot be read; nothing was changed.
+    """
+    repo = Repository.open(place, check_path=str)
+    tip = repo.newest()
+    files = repo.listing(tip)
+    configuration = repo.read(tip, CONFIGURATION_FILE)
+    former = f"\nlayout: {LAYOUT - 1}\n".encode()
+    if configuration is None or former not in b"\n" + configuration.data:
+        raise RegistryError(
+            f"{place}: is not of layout {LAYOUT - 1}, so there is nothing to bring to {LAYOUT}"
+        )
+    new = {CONFIGURATION_FILE: configuration.data.replace(former.strip(), f"layout: {LAYOUT}".encode(), 1)}
+    ours = {name: data for name, data in scaffold().items() if name not in {CONFIGURATION_FILE, OWNERS}}
+    new |= {name: data for name, data in ours.items() if name in files}
+    for top, now in (("cameras/", ROOT), ("proposals/", ROOT), ("statements/", EVENTS)):
+        # What was proposed comes last: approvals hold what is in use.
+        for path in (path for path in files if path.startswith(top)):
+            data, becomes = repo.blob(files[path]), f"{now}{path.removeprefix(top)}"
+            new[becomes] = without_status(data) if now == ROOT else data
+            if is_entry(becomes):
+                parsed(new[becomes], path, require_digest=False)
+    gone = [path for path in files if path.startswith(("proposals/", "statements/"))]
+    changes = [FileChange(path=path, data=data, base=files.get(path)) for path, data in new.items()]
+    changes += [FileChange(path=path, data=None, base=files[path]) for path in gone]
+    written = write_changes(
+        repo, changes, message_of(f"Bring the registry to layout {LAYOUT}"), is_checked=True
+    )
+    return InitReport(
+        registry=str(repo.path), commit=written.commit, cloned_from=None, files=tuple(sorted(new))
+    )
+
+
 def folder_for(url: str) -> Path:
     """Return the folder that git would clone to: the last part of the address, in the current folder.
 
@@ -160,7 +198,7 @@ def _initialised(repo: Repository, files: dict[str, bytes]) -> InitReport:
             files = {**files, OWNERS: CODEOWNERS.format(mark="", owner=keeper.email).encode()}
         rules = parse_configuration(files[CONFIGURATION_FILE]).rules
         files |= {one.path: one.data for one in founded(repo, rules) if one.data is not None}
-        write_changes(repo, [Change(path=name, data=data) for name, data in files.items()], FIRST)
+        write_changes(repo, [FileChange(path=name, data=data) for name, data in files.items()], FIRST)
     index_paths(repo)
     return InitReport(
         registry=str(repo.path),
@@ -175,7 +213,7 @@ def _enclosing_repository(place: Path) -> Path | None:
     return next((folder for folder in place.parents if (folder / ".git").exists()), None)
 
 
-AS_WRITTEN: Final = b"/statements/** -text\n"
+AS_WRITTEN: Final = b"/events/** -text\n"
 ATTRIBUTES: Final = b"*.yaml text eol=lf\n*.md text eol=lf\n*.yml text eol=lf\n*.json text eol=lf\n"
 """``.gitattributes``: the bytes of an entry must be the same in every checkout, or its digest would not match."""
 
@@ -184,19 +222,22 @@ WORKFLOW: Final = ".github/workflows/registry-check.yml"
 README: Final = """\
 # Camera calibrations
 
-One YAML file per camera, in `cameras/<make>/<model>/<variant>.yaml`; what is proposed and not approved yet is at the
-same path in `proposals/`, and nothing uses it. A unit with its own calibration has a folder
-`sn-<hash>/` between the two; the serial number itself is not stored. The history of a camera is the git history of
-its file. `registry.yaml` is the configuration: the schema versions, the limits that entries are checked against, and
-who approves. `statements/` says what is approved and retired, when, and by whom: files with the approved content,
-signed where people have keys, that are only ever added. A file in `cameras/` that no statement approves is not used.
+One YAML file per camera, in `cameras/<make>/<model>/<variant>.yaml`: its newest calibration, to read and to edit. A
+unit with its own calibration has a folder `sn-<hash>/` between the two; the serial number itself is not stored.
+
+Which calibration is used is decided in `events/`, beside the same names: one file for each approval, retirement and
+label, called by its day, what it does and who did it, such as `2026-05-01-approve-ada-0e25….json`. An approval holds
+the content that it approves, and is signed where people have keys; these files are only ever added. What stands in
+`cameras/` and too few people have approved is a proposal, and nothing uses it; the last approved one stays in use.
+
+`registry.yaml` is the configuration: the schema versions, the limits that entries are checked against, and who
+approves. The history of a camera is that of its file and its events.
 
 ## An entry
 
 ```yaml
 {example}```
 
-- `status`: `draft` is proposed (in `proposals/`), `approved` is used, `retired` is no longer used.
 - `intrinsics` is K. `distortion` is separate: `null` is unknown, `model: none` means known to be none. The formula of
   each model, with its parameters in order, is in [DISTORTION.md](DISTORTION.md).
 - `grade`, best first: `calibrated` (measured on this unit), `adjusted` (from a bundle adjustment), `design` (the
@@ -205,7 +246,8 @@ signed where people have keys, that are only ever added. A file in `cameras/` th
 
 ## Reading it with git alone
 
-    git log -p --follow cameras/dji/fc6310r/5472x3648.yaml     the history of a camera, with reasons
+    git log -p cameras/dji/fc6310r/5472x3648.yaml              every calibration of a camera, with reasons
+    git log --stat events/cameras/dji/fc6310r/5472x3648        who approved and retired what of it
     git log --grep '^Camera: dji/fc6310r'                      the commits that name it
     git diff main...proposal                                   what a branch proposes
     git show v2026.1:cameras/dji/fc6310r/5472x3648.yaml        as it was at a tag
@@ -226,6 +268,7 @@ grade, the firmware and the reason (`Reason:`).
 
     calibrary registry list                       list the entries
     calibrary registry add camera.xml             propose an entry; shows the difference and asks
+    calibrary registry show KEY@proposed          show what is proposed
     calibrary registry approve KEY                show what it changes, and approve it for use
     calibrary registry log KEY                    show its history
     calibrary diff KEY@2026-05-01 KEY             compare two revisions
@@ -251,7 +294,7 @@ repos:
         entry: calibrary registry check --worktree
         language: python
         additional_dependencies: ["calibrary{requirement}"]
-        files: ^(cameras|proposals)/.*\\.yaml$|^registry\\.yaml$
+        files: ^cameras/.*\\.yaml$|^registry\\.yaml$
         pass_filenames: false
 """
 
@@ -261,7 +304,7 @@ EDITOR: Final = ".vscode/settings.json"
 SETTINGS: Final = b"""\
 {
   "yaml.schemas": {
-    "schema/entry-1.schema.json": ["cameras/**/*.yaml", "proposals/**/*.yaml"],
+    "schema/entry-1.schema.json": ["cameras/**/*.yaml"],
     "schema/registry-1.schema.json": "registry.yaml"
   }
 }
@@ -271,7 +314,7 @@ each registry and at every depth."""
 
 CHECK: Final = """\
 # Checks every entry against the schema, its digest, its path and the policy of registry.yaml; a pull request also by
-# what it changes; statements/ says what is approved.
+# what it changes; events/ says what is approved.
 name: registry check
 on: [push, pull_request]
 permissions:

@@ -20,9 +20,10 @@ from calibrary.errors import InputError, ParseError, RegistryError, first_of
 from calibrary.records import Meta, Record, from_json, replace, require_declared, to_json
 from calibrary.registry.entry import Status, digest
 from calibrary.registry.entry_yaml import Layout, document_lines, parse_entry
-from calibrary.registry.git.objects import ObjectId, blob_id
-from calibrary.registry.resolution import Earlier, RegistryIndex
-from calibrary.registry.snapshot import Snapshot, StoredEntry
+from calibrary.registry.git.objects import ObjectId
+from calibrary.registry.paths import proposed_name
+from calibrary.registry.resolution import RegistryIndex
+from calibrary.registry.snapshot import Snapshot
 from calibrary.strictyaml import line_of, load_yaml
 
 MOST_LISTED = 3
@@ -50,20 +51,20 @@ def pinned(snapshot: Snapshot, paths: Iterable[str]) -> Lock:
     Raises:
         RegistryError: an entry does not exist, cannot be read, or is not approved.
     """
-    wanted = sorted(set(paths))
-    if waiting := next((path for path in wanted if path in snapshot.proposed), None):
-        raise RegistryError(str(snapshot.only_proposed(waiting)))
-    for one in snapshot.stored([path for path in wanted if path in snapshot.paths]):
-        if not one.entry.is_usable:
-            raise RegistryError(f"{one.id} is {one.entry.status.value}: only what is approved is pinned")
-    if snapshot.commit is None:
-        pins = tuple(_pin(path, data) for path, data in zip(wanted, snapshot.read_many(wanted), strict=True))
-    else:
-        if missing := [path for path in wanted if path not in snapshot.paths]:
-            raise RegistryError(f"{missing[0]}: not in commit {snapshot.commit[:12]}")
-        pins = tuple(map(_pin_of_stored, snapshot.stored(wanted)))
+    pins = []
+    for path in sorted(set(paths)):
+        stored = snapshot.at(path)
+        if stored is None and snapshot.at(proposed_name(path)) is not None:
+            raise RegistryError(str(snapshot.only_proposed(path)))
+        if stored is None:
+            raise RegistryError(f"{path}: not in commit {(snapshot.commit or '')[:12]}")
+        if not stored.entry.is_usable:
+            raise RegistryError(
+                f"{stored.id} is {stored.entry.status.value}: only what is approved is pinned"
+            )
+        pins.append(_pin(path, snapshot.read(path)))
     # A folder's full path may be private, and a remote's address may contain a password.
-    return Lock(registry=snapshot.place.name or None, commit=snapshot.commit, pins=pins)
+    return Lock(registry=snapshot.place.name or None, commit=snapshot.commit, pins=tuple(pins))
 
 
 def usable_paths(snapshot: Snapshot, unreadable: list[str]) -> list[str]:
@@ -83,66 +84,46 @@ def locked(snapshot: Snapshot, lock_file: Path) -> Locked:
     lock = read_lock(lock_file)
     repo = snapshot.repo
     if repo is None or lock.commit is None:
-        there = [pin.path for pin in lock.pins if pin.path in snapshot.paths]
-        return Locked(index=_pinned_index(lock, {path: snapshot.read(path) for path in there}, lock_file))
+        return Locked(index=_pinned_index(snapshot, lock, lock_file))
     if not repo.holds(lock.commit):
         raise RegistryError(
             f"{repo.path} does not hold commit {lock.commit[:12]}, which {lock_file} pins{repo.unshallow_hint}; bring "
             f"it (calibrary registry sync), or accept what is there now: calibrary registry lock"
         )
-    files = {}
-    then = replace(snapshot, commit=lock.commit)
-    for pin in lock.pins:
-        if pin.path in then.paths:
-            files[pin.path] = then.read(pin.path)
-    # Earlier revisions are pinned with the commit: the history is part of the commit's id.
-    index = _pinned_index(lock, files, lock_file, earlier=then.earlier)
+    # What was in force on earlier days is pinned with the commit.
+    index = _pinned_index(replace(snapshot, commit=lock.commit), lock, lock_file)
     return Locked(index=index, warnings=_changes_since(snapshot, lock, lock.commit))
 
 
-def _pinned_index(
-    lock: Lock, files: Mapping[str, bytes], lock_file: Path, *, earlier: Earlier | None = None
-) -> RegistryIndex:
-    refuse_drift(lock, [_pin(path, data) for path, data in files.items()], name=str(lock_file))
-    return RegistryIndex(files, files.__getitem__, earlier=earlier, require_digest=False)
+def _pinned_index(snapshot: Snapshot, lock: Lock, lock_file: Path) -> RegistryIndex:
+    there = [
+        pin.path for pin in lock.pins if (one := snapshot.at(pin.path)) is not None and one.entry.is_usable
+    ]
+    refuse_drift(lock, [_pin(path, snapshot.read(path)) for path in there], name=str(lock_file))
+    return RegistryIndex(there, snapshot.choices)
 
 
 def _changes_since(snapshot: Snapshot, lock: Lock, commit: str) -> tuple[str, ...]:
     """Return warnings about changes of pinned entries, so that a run with a retired one does not go unnoticed."""
     differences = []
     for pin in lock.pins:
-        if pin.path not in snapshot.paths:
-            differences.append(f"{pin.path} is gone")
-            continue
         try:
-            data = snapshot.read(pin.path)
+            stored = snapshot.at(pin.path)
+            if stored is None:
+                differences.append(f"{pin.path} is gone")
+            elif stored.entry.status is Status.RETIRED:
+                why = f" ({stored.entry.reason})" if stored.entry.reason else ""
+                differences.append(f"{pin.path} was retired{why}")
+            elif _pin(pin.path, snapshot.read(pin.path)).blob != pin.blob:
+                differences.append(f"{pin.path} was changed")
         except RegistryError as error:
             differences.append(str(error))
-            continue
-        if blob_id(data) != pin.blob:
-            differences.append(f"{pin.path} {_change_since(data, pin)}")
     if not differences:
         return ()
     return (
         f"the lock's entries are used as they were at {commit[:12]}; since then "
         f"{first_of(differences, MOST_LISTED, '; ')} ('calibrary registry lock' pins what is there now)",
     )
-
-
-def _change_since(data: bytes, pin: Pin) -> str:
-    try:
-        entry = parse_entry(data, pin.path, require_digest=False)
-    except InputError:
-        return "was changed, and cannot be read"
-    if entry.status is Status.RETIRED:
-        return "was retired" + (f" ({entry.reason})" if entry.reason else "")
-    return "was changed"
-
-
-def _pin_of_stored(stored: StoredEntry) -> Pin:
-    entry = stored.entry
-    numbers = digest(entry.calibration, entry.sensor, entry.rig)
-    return Pin(path=stored.path, blob=stored.oid or "", digest=numbers)
 
 
 def _pin(path: str, data: bytes) -> Pin:
@@ -240,7 +221,7 @@ def _drift(pin: Pin, now: Pin | None) -> Drift | None:
     if now.digest != pin.digest:
         return Drift(path=pin.path, message="its numbers have changed since it was pinned")
     if now.blob != pin.blob:
-        message = "the same numbers, but its status, key or another field has changed since it was pinned"
+        message = "the same numbers, but its key or another field has changed since it was pinned"
         return Drift(path=pin.path, message=message)
     return None
 

@@ -63,8 +63,7 @@ def _stem(key: str) -> str:
 
 
 CAMERAS = "cameras"
-PROPOSALS = "proposals"
-STATEMENTS: Final = "statements/"
+EVENTS: Final = "events/"
 """Folder of the statements on what is approved; see :mod:`calibrary.registry.statements`."""
 DEEPEST = 8
 SINGLE_FILES = frozenset(
@@ -84,7 +83,7 @@ SINGLE_FILES = frozenset(
 WORKFLOW = re.compile(r"\.github/workflows/[a-z0-9][a-z0-9._-]*\.yml\Z")
 SCHEMA = re.compile(r"schema/[a-z0-9][a-z0-9._-]*\.json\Z")
 STATEMENT = re.compile(
-    r"statements/(?:[a-z0-9_][a-z0-9._~+-]*/){1,7}\d{4}-\d\d-\d\d-[a-z]+-[a-z0-9._~-]+-[0-9a-f]{32}\.json\Z"
+    r"events/(?:[a-z0-9_][a-z0-9._~+-]*/){1,7}\d{4}-\d\d-\d\d-[a-z]+-[a-z0-9._~-]+-[0-9a-f]{32}\.json\Z"
 )
 NAME = re.compile(r"[a-z0-9_][a-z0-9._~+-]*\Z")
 
@@ -93,13 +92,13 @@ def check_path(path: str) -> str:
     """Return the path, if it is allowed in a registry.
 
     Raises:
-        RegistryError: it is not ``cameras/**.yaml``, ``proposals/**.yaml`` or one of the few other allowed files.
+        RegistryError: it is not ``cameras/**.yaml`` or one of the few other allowed files.
     """
     if path in SINGLE_FILES or WORKFLOW.match(path) or SCHEMA.match(path) or STATEMENT.match(path):
         return path
     root, *names = path.split("/")
     if (
-        root not in {CAMERAS, PROPOSALS}
+        root != CAMERAS
         or not 1 <= len(names) <= DEEPEST
         or not names[-1].endswith(".yaml")
         or any(name.endswith(".yaml") for name in names[:-1])
@@ -107,16 +106,16 @@ def check_path(path: str) -> str:
     ):
         raise RegistryError(
             f"{path!r} is not allowed in a registry: expected cameras/<make>/<model>/<variant>.yaml in lower-case "
-            f"letters, digits and . _ ~ + -, the same below proposals/, or one of {', '.join(sorted(SINGLE_FILES))}, "
-            "schema/*.json, .github/workflows/*.yml"
+            f"letters, digits and . _ ~ + -, or one of {', '.join(sorted(SINGLE_FILES))}, schema/*.json, "
+            ".github/workflows/*.yml"
         )
     return path
 
 
 ROOT: Final = "cameras/"
-"""Folder of approved and retired entries."""
-PROPOSED: Final = "proposals/"
-"""Folder of proposals, with the same paths as in use; they are not used before approval."""
+"""Folder of the entries."""
+PROPOSED: Final = "@proposed"
+"""What follows a path, or a KEY, to name what its file says and too few people have approved yet."""
 SUFFIX: Final = ".yaml"
 UNIT: Final = "sn-"
 """Prefix of a unit's folder; the hash of the serial number follows."""
@@ -135,13 +134,11 @@ def folder_of(make: str, model: str) -> str:
 
 _PART: Final = "[a-z0-9_][a-z0-9._~-]*"
 _LEAF: Final = "[0-9]+x[0-9]+(?:~[0-9a-f]{10}|(?:[+][a-z][a-z0-9._~-]*)*)"
-_ENTRY: Final = re.compile(
-    rf"(?:{ROOT}|{PROPOSED}){_PART}/{_PART}/(?:{UNIT}{_PART}/)?{_LEAF}{re.escape(SUFFIX)}"
-)
+_ENTRY: Final = re.compile(rf"{ROOT}{_PART}/{_PART}/(?:{UNIT}{_PART}/)?{_LEAF}{re.escape(SUFFIX)}")
 
 
 def is_entry(path: str) -> bool:
-    """Return whether a path is one that :func:`path_of` gives, in use or proposed; nothing else is read as an entry."""
+    """Return whether a path is one that :func:`path_of` gives; nothing else is read as an entry."""
     return _ENTRY.fullmatch(path) is not None
 
 
@@ -173,28 +170,28 @@ def path_of(camera: CameraKey, firmware: FirmwareRange | None = None) -> str:
 
 
 def id_of(path: str) -> str:
-    """Return an entry's id, its longest KEY: its path without ``cameras/`` or ``proposals/``, and ``.yaml``."""
-    return path.removeprefix(ROOT).removeprefix(PROPOSED).removesuffix(SUFFIX)
+    """Return an entry's id, its longest KEY: its path without ``cameras/`` and ``.yaml``."""
+    return file_path(path).removeprefix(ROOT).removesuffix(SUFFIX)
 
 
-def is_proposal(path: str) -> bool:
-    """Return whether a file is a proposal, by its path."""
-    return path.startswith(PROPOSED)
+def is_proposal(name: str) -> bool:
+    """Return whether a name is of what is only proposed."""
+    return name.endswith(PROPOSED)
 
 
-def proposal_path(path: str) -> str:
-    """Return the path of the proposal for an entry."""
-    return path if is_proposal(path) else f"{PROPOSED}{path.removeprefix(ROOT)}"
+def proposed_name(path: str) -> str:
+    """Return the name of what the file of an entry says and is only proposed."""
+    return f"{file_path(path)}{PROPOSED}"
 
 
-def in_use_path(path: str) -> str:
-    """Return the path of an entry once it is approved."""
-    return f"{ROOT}{path.removeprefix(PROPOSED)}" if is_proposal(path) else path
+def file_path(name: str) -> str:
+    """Return the path of the file of an entry, or of what is proposed for it."""
+    return name.removesuffix(PROPOSED)
 
 
 def model_folder(path: str) -> str:
-    """Return the folder of an entry's make and model once it is approved, ``cameras/dji/fc6310r``."""
-    return "/".join(in_use_path(path).split("/")[:3])
+    """Return the folder of an entry's make and model, ``cameras/dji/fc6310r``."""
+    return "/".join(path.split("/")[:3])
 
 
 def find_path(paths: Collection[str], key: str) -> str:
@@ -254,7 +251,7 @@ def unit_paths(
 
 def unit_folder(path: str) -> str | None:
     """Return the folder in ``cameras/`` of an entry's unit; None for an entry of all units of its model."""
-    folder = in_use_path(path).rpartition("/")[0]
+    folder = file_path(path).rpartition("/")[0]
     return f"{folder}/" if folder.rpartition("/")[2].startswith(UNIT) else None
 
 

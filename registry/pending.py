@@ -1,4 +1,4 @@
-"""The calibrations that wait for approval: proposals of a state, and what other branches add to it."""
+"""The calibrations that wait for approval: what a state proposes, and what other branches add to it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.history import changed, common_ancestor
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.paths import CAMERAS, PROPOSALS, PROPOSED, id_of, is_entry, is_proposal
+from calibrary.registry.paths import CAMERAS, PROPOSED, file_path, id_of, is_entry
 from calibrary.registry.snapshot import Snapshot
 
 
@@ -31,24 +31,27 @@ class Pending(Struct, frozen=True, kw_only=True):
     @property
     def key(self) -> str:
         """KEY by which ``registry show`` and ``diff`` find it."""
-        name = f"{PROPOSED}{id_of(self.path)}" if is_proposal(self.path) else id_of(self.path)
-        return f"{name}@{self.branch}" if self.branch is not None else name
+        return (
+            f"{id_of(self.path)}@{self.branch}"
+            if self.branch is not None
+            else f"{id_of(self.path)}{PROPOSED}"
+        )
 
 
 def pending(snapshot: Snapshot, *, of: str | None = None) -> Iterator[Pending]:
-    """Yield the proposals of a state, then what other branches propose or use since they parted from it.
+    """Yield what a state proposes, then what other branches propose or use since they parted from it.
 
     Args:
         snapshot: the state.
         of: the one branch that is asked about; None for all. What several propose alike is otherwise of the first.
     """
-    seen: set[tuple[str, str | None]] = set()
-    for path in sorted(snapshot.proposed):
-        seen.add((path, snapshot.proposed[path]))
-        yield _read(path, snapshot.read(path))
+    for name, entry in snapshot.parsed(sorted(snapshot.proposed)):
+        said = str(entry) if isinstance(entry, InputError) else entry
+        yield Pending(path=file_path(name), entry=said)
     repo, commit = snapshot.repo, snapshot.commit
     if repo is None or commit is None:
         return
+    seen = {*snapshot.cameras.items()}
     for branch, tip in _branches(repo):
         if of not in (None, branch):
             continue
@@ -56,25 +59,17 @@ def pending(snapshot: Snapshot, *, of: str | None = None) -> Iterator[Pending]:
             base = common_ancestor(repo, commit, tip)
         except RegistryError as error:
             # Other content may share the repository, such as pages that are published from it.
-            if repo.listing(tip, CAMERAS, PROPOSALS):
+            if repo.listing(tip, CAMERAS):
                 yield Pending(path=CAMERAS, entry=str(error), branch=branch)
             continue
-        files = [one for folder in (CAMERAS, PROPOSALS) for one in changed(repo, base, tip, folder)]
-        for file in files:
-            here = snapshot.proposed if is_proposal(file.path) else snapshot.paths
+        for file in changed(repo, base, tip, CAMERAS):
             what = (file.path, file.after)
-            if (
-                not is_entry(file.path)
-                or file.after is None
-                or file.after == here.get(file.path)
-                or what in seen
-            ):
-                continue
-            seen.add(what)
-            yield _read(file.path, repo.blob(file.after), branch)
+            if is_entry(file.path) and file.after is not None and what not in seen:
+                seen.add(what)
+                yield _read(file.path, repo.blob(file.after), branch)
 
 
-def _read(path: str, data: bytes, branch: str | None = None) -> Pending:
+def _read(path: str, data: bytes, branch: str) -> Pending:
     try:
         return Pending(path=path, entry=parse_entry(data, path, require_digest=False), branch=branch)
     except (InputError, RegistryError) as error:

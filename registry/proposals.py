@@ -1,13 +1,14 @@
-"""Proposals: entries to write, with their changes, the findings that prevent writing, and the commit that is made."""
+"""Changes of entries: proposed with the findings that prevent writing, then written as one commit."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from datetime import date
+from datetime import date, timedelta
 from enum import StrEnum
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final
 
 from msgspec import Struct
@@ -18,85 +19,63 @@ from calibrary.errors import InputError, RegistryError
 from calibrary.known_camera import match_key
 from calibrary.provenance import HOW_MADE
 from calibrary.records import Record, replace
-from calibrary.registry.configuration import UNPROVEN
 from calibrary.registry.entry import VERDICT_BLOCK, Entry, Status, Validity, digest
 from calibrary.registry.entry_checks import Judge, check, in_order
-from calibrary.registry.entry_yaml import combined, entry_yaml, lost_comments, parse_entry, parsed
+from calibrary.registry.entry_yaml import entry_yaml, lost_comments, parsed
 from calibrary.registry.fields import FieldChange, differences
-from calibrary.registry.git.history import MOVED_FROM, SOURCE_FILE, SOURCE_SHA256
-from calibrary.registry.git.objects import ObjectId, blob_id
+from calibrary.registry.git.history import SOURCE_FILE, SOURCE_SHA256
+from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.repository import Repository, is_due, maintain
-from calibrary.registry.git.writing import ANY, Change, Person, Written, compose, write
+from calibrary.registry.git.writing import ANY, FileChange, Person, Written, compose, write
 from calibrary.registry.paths import (
-    PROPOSED,
+    EVENTS,
     ROOT,
-    STATEMENTS,
     SUFFIX,
+    file_path,
     folder_of,
-    in_use_path,
+    is_proposal,
     model_folder,
-    proposal_path,
+    proposed_name,
 )
 from calibrary.registry.registry import Registry
 from calibrary.registry.snapshot import Snapshot, StoredEntry
-from calibrary.registry.standing import until
-from calibrary.registry.statements import Action
-from calibrary.registry.stating import Act, Stated, brought, stated
+from calibrary.registry.statements import content_of
+from calibrary.registry.stating import Change, brought, stated
 from calibrary.validation import Finding, Severity
 
 
-class Note(Struct, frozen=True, kw_only=True):
-    """Content of the commit message of a change.
+def message_of(
+    subject: str,
+    entries: Sequence[Entry] = (),
+    reason: str | None = None,
+    sources: Mapping[str, str | None] = MappingProxyType({}),
+) -> str:
+    """Return the commit message of a change of entries, with trailers for programs.
 
-    Attributes:
+    Args:
         subject: one line for people.
+        entries: changed entries.
         reason: reason for the change.
-        cameras: keys of the changed entries' cameras.
-        sources: (name, SHA-256) of each file that the numbers came from; the name may be missing.
-        moved: (old, new) paths that connect the history of an entry.
+        sources: names of further files that the numbers came from, by their SHA-256.
     """
-
-    subject: str
-    reason: str | None = None
-    cameras: Sequence[str] = ()
-    firmware: str | None = None
-    grade: str | None = None
-    sources: Sequence[tuple[str | None, str]] = ()
-    moved: Sequence[tuple[str, str]] = ()
-
-    @property
-    def message(self) -> str:
-        """Return the commit message."""
-        trailers = [("Camera", camera) for camera in self.cameras]
-        trailers += [("Firmware", self.firmware or ""), ("Grade", self.grade or "")]
-        for name, sha256 in self.sources:
-            trailers += [(SOURCE_FILE, name or ""), (SOURCE_SHA256, sha256)]
-        trailers += [("Reason", self.reason or "")]
-        trailers += [(MOVED_FROM, f"{old} => {new}") for old, new in self.moved]
-        return compose(self.subject, trailers=trailers)
-
-
-def note_of(subject: str, entries: Sequence[Entry], reason: str | None = None) -> Note:
-    """Return the note of a change of entries, with trailers for programs."""
     calibrations = [entry.calibration for entry in entries]
-    grades = {calibration.grade.value for calibration in calibrations}
-    firmware = {calibration.provenance.firmware for calibration in calibrations}
     made = [calibration.provenance for calibration in calibrations]
-    sources = {one.sha256: (one.source, one.sha256) for one in made if one.sha256 is not None}
-    return Note(
-        subject=subject,
-        reason=reason,
-        cameras=[entry.id for entry in entries],
-        firmware=firmware.pop() if len(firmware) == 1 else None,
-        grade=grades.pop() if len(grades) == 1 else None,
-        sources=[*sources.values()],
-    )
+    trailers = [("Camera", entry.id) for entry in entries]
+    for name, said in (
+        ("Firmware", {one.firmware or "" for one in made}),
+        ("Grade", {one.grade.value for one in calibrations}),
+    ):
+        trailers += [(name, one) for one in said] if len(said) == 1 else []
+    own = {one.sha256: one.source for one in made if one.sha256 is not None}
+    for sha256, source in {**sources, **own}.items():
+        trailers += [(SOURCE_FILE, source or ""), (SOURCE_SHA256, sha256)]
+    return compose(subject, trailers=[*trailers, ("Reason", reason or "")])
 
 
 def write_changes(
     repo: Repository,
-    changes: Sequence[Change],
-    note: Note,
+    changes: Sequence[FileChange],
+    message: str,
     *,
     author: Person | None = None,
     branch: str | None = None,
@@ -107,7 +86,7 @@ def write_changes(
     Args:
         repo: repository of the registry.
         changes: changes of its files; a change of an entry states the content it started from.
-        note: content of the commit message.
+        message: commit message.
         author: author, if not the committer.
         branch: target branch; by default the one that is checked out.
         is_checked: whether each entry's content has already been read back.
@@ -117,14 +96,14 @@ def write_changes(
         RegistryError: the content of an entry cannot be read or belongs to another path, or git cannot write it.
     """
     for change in changes:
-        if change.path.startswith((ROOT, PROPOSED)):
+        if change.path.startswith(ROOT):
             if change.base is ANY:
                 raise RegistryError(
                     f"{change.path}: an entry is written only against its base; name the base"
                 )
             if change.data is not None and not is_checked:
                 _require_entry(change.path, change.data)
-    written = write(repo, changes, note.message, author=author, branch=branch, combine=combined)
+    written = write(repo, changes, message, author=author, branch=branch)
     if is_due(repo):
         # The commit is complete even if packing fails.
         with suppress(RegistryError):
@@ -134,68 +113,11 @@ def write_changes(
 
 def _require_entry(path: str, data: bytes) -> None:
     entry = parsed(data, path)
-    if entry.path != in_use_path(path):
+    if entry.path != path:
         raise RegistryError(f"{path}: its camera belongs at {entry.path}")
 
 
 SHORT_DIGEST: Final = re.compile("[0-9a-f]{8,40}")
-NOT_APPROVED: Final = frozenset({"label", "tags", "notes"})
-"""Fields that do not affect which K is used; for the reason see :mod:`calibrary.registry.standing`."""
-
-
-class Proposal(Struct, frozen=True, kw_only=True):
-    """An entry to write.
-
-    Attributes:
-        entry: the proposed entry.
-        path: path of the file: in ``proposals/`` if it needs approval, in ``cameras/`` if it is used.
-        data: content of the file; None if a proposal is withdrawn.
-        current: entry that it replaces; None if there is none, or it cannot be read.
-        base: blob id of the file at its path; the write fails with FileConflictError if it has changed.
-        changes: changed fields; all fields of a new entry, none if nothing changes.
-        warnings: warnings for the user.
-        approves: blob id of the proposal that is approved; None if there is none.
-        start: first day of a retirement of the days from then on; its file stays as it is.
-        brought: files of statements on the branch that an approval is from.
-        formers: files that it takes the place of, whose comments and order of fields stay.
-        replaced: path and blob id of files removed by the same commit: the approved proposal, or a draft that an older
-            version wrote to ``cameras/``.
-    """
-
-    entry: Entry
-    path: str
-    data: bytes | None
-    current: Entry | None
-    base: str | None
-    changes: tuple[FieldChange, ...]
-    warnings: tuple[str, ...] = ()
-    replaced: tuple[tuple[str, str], ...] = ()
-    approves: str | None = None
-    start: date | None = None
-    brought: tuple[Change, ...] = ()
-    formers: tuple[bytes, ...] = ()
-
-    @property
-    def is_new(self) -> bool:
-        """Whether this camera has neither an entry nor a proposal."""
-        return self.base is None and self.current is None and not self.replaced
-
-    @property
-    def digest(self) -> str | None:
-        """Id of the file in git, for ``approve --digest``; None if the proposal is withdrawn."""
-        return blob_id(self.data) if self.data else None
-
-    @property
-    def decided(self) -> str | None:
-        """Id of the file that a decision is on: of the proposal to approve, of the entry to retire."""
-        is_ended = self.start is not None or self.entry.status is Status.RETIRED
-        return self.approves or (self.base if is_ended else None)
-
-    @property
-    def file_changes(self) -> tuple[Change, ...]:
-        """Changes of files to write."""
-        gone = (Change(path=path, data=None, base=oid) for path, oid in self.replaced)
-        return (Change(path=self.path, data=self.data, base=self.base), *gone)
 
 
 class Fate(StrEnum):
@@ -239,65 +161,66 @@ class RowProblem(Record):
 
 
 class Proposals(Struct, frozen=True, kw_only=True):
-    """Entries that are proposed together, with the findings of the check.
+    """Changes that are proposed together, with the findings of the check.
 
     Attributes:
-        items: all proposals, also those without changes.
+        items: all of them, also those by which nothing changes.
         findings: findings of the check on everything to be written.
-        verb: first word of the commit's subject, "Approve"; None for adding and updating.
         title: subject of the commit, instead of one from the changes.
         sources: what became of each source, if there were several: files of a folder, cameras of the catalogue.
         problems: rows of a table that cannot be taken; nothing is written if there are any.
         remarks: parts of a table that were not taken, with the reason.
     """
 
-    items: tuple[Proposal, ...]
+    items: tuple[Change, ...]
     findings: tuple[Finding, ...] = ()
-    verb: str | None = None
     title: str | None = None
     sources: tuple[AddedSource, ...] = ()
     problems: tuple[RowProblem, ...] = ()
     remarks: tuple[str, ...] = ()
 
     @property
-    def due(self) -> tuple[Proposal, ...]:
-        """Proposals with changes."""
-        return tuple(one for one in self.items if one.changes)
+    def due(self) -> tuple[Change, ...]:
+        """Those by which anything changes."""
+        return tuple(one for one in self.items if one.fields)
 
     @property
     def errors(self) -> tuple[Finding, ...]:
         """Findings that prevent writing."""
         return tuple(finding for finding in self.findings if finding.severity is Severity.ERROR)
 
-    @property
-    def subject(self) -> str:
-        """Subject of the commit."""
+    def subject(self, missing: Mapping[str, str]) -> str:
+        """Return the subject of the commit, given what entries lack to be used."""
         if self.title is not None:
             return self.title
-        due = self.due
-        verb, ending = self.verb, ""
-        if verb is None:
-            approved = all(one.entry.status is Status.APPROVED for one in due)
-            verb = "Add" if all(one.is_new for one in due) else "Update" if approved else "Propose"
-            ending = ", approved" if approved else ""
-        else:
-            # An entry that only states its successor is not the subject of the commit.
-            about = [one for one in due if one.current is None or one.entry.status is not one.current.status]
-            due = tuple(about) or due
-        named = due[0].entry.id if len(due) == 1 else f"{len(due)} cameras"
-        return f"{verb} {named}{ending}"
+        # An entry that only states its successor is not the subject of the commit.
+        about = [one for one in self.due if one.action == self.due[0].action] or [*self.due]
+        named = about[0].id if len(about) == 1 else f"{len(about)} cameras"
+        if missing:
+            return f"Approve {named}, with others to follow"
+        return f"{SUBJECTS[about[0].action]} {named}"
+
+
+SUBJECTS: Final = {
+    "add": "Add",
+    "approve": "Approve",
+    "retire": "Retire",
+    "withdraw": "Withdraw",
+    "set": "Set",
+}
+"""First words of the commits of changes, by their actions."""
 
 
 class ChangedEntry(Record):
-    """A written entry.
+    """A changed entry.
 
     Attributes:
         id: longest KEY of the entry.
-        path: path of its file; in proposals/ if it needs approval.
+        path: path of its file.
         digest: git's id of the file, which an approval refers to; None if nothing is written.
         status: new status.
-        status_before: status of the entry that it replaces; None for a new one, or one that could not be read.
-        is_new: whether this camera had neither an entry nor a proposal.
+        status_before: status before; None for a new one, or one that could not be read.
+        is_new: whether this camera had no entry.
         changes: changed fields; none if nothing changes.
         warnings: warnings for the user.
     """
@@ -343,13 +266,13 @@ def change_report(place: Path, proposals: Proposals, written: Written | None) ->
         commit=written.commit if written is not None else None,
         entries=tuple(
             ChangedEntry(
-                id=one.entry.id,
+                id=one.id,
                 path=one.path,
                 digest=one.digest,
-                status=one.entry.status,
-                status_before=one.current.status if one.current is not None else None,
+                status=one.after.status,
+                status_before=one.before.status if one.before is not None else None,
                 is_new=one.is_new,
-                changes=one.changes,
+                changes=one.fields,
                 warnings=one.warnings,
             )
             for one in proposals.items
@@ -381,58 +304,24 @@ def require_digests(proposals: Proposals, digests: Sequence[str]) -> None:
 
     Args:
         proposals: what is to be written.
-        digests: git's ids of the files that were looked at, or their beginnings; none if nobody asks.
+        digests: git's ids of the contents that were looked at, or their beginnings; none if nobody asks.
 
     Raises:
-        RegistryError: a proposal matches no digest, or a digest matches no proposal.
+        RegistryError: a change matches no digest, or a digest matches no change.
     """
     left = {require_digest(text) for text in digests}
     for one in proposals.due if left else ():
-        if (seen := one.decided) is None:
+        if one.seen is None:
             continue
-        of_it = {text for text in left if seen.startswith(text)}
+        of_it = {text for text in left if one.seen.startswith(text)}
         if not of_it:
-            path = proposal_path(one.path) if one.approves is not None else one.path
             raise RegistryError(
-                f"{one.entry.id}: nothing was written: what is there now has the digest {seen[:12]}; look at it "
-                f"('calibrary registry show {path}') and decide on that one"
+                f"{one.id}: nothing was written: what is there now has the digest {one.seen[:12]}; look at it "
+                f"('calibrary registry show {one.id}') and decide on that one"
             )
         left -= of_it
     if left:
         raise RegistryError(f"nothing was written: {min(left)} is the digest of none of these")
-
-
-def proposal_of(
-    entry: Entry,
-    current: Entry | None,
-    base: str | None,
-    warnings: Iterable[str] = (),
-    *,
-    path: str | None = None,
-    replaced: tuple[tuple[str, str], ...] = (),
-) -> Proposal:
-    """Return a proposal with its changes; ``path`` defaults to the entry's own path."""
-    changes = differences(current, entry)
-    return Proposal(
-        entry=entry,
-        path=path or entry.path,
-        data=entry_yaml(entry) if changes else b"",
-        current=current,
-        base=base,
-        changes=changes,
-        warnings=tuple(warnings),
-        replaced=replaced,
-    )
-
-
-def needs_no_approval(one: Proposal) -> bool:
-    """Return whether only fields change that an approval does not cover."""
-    return {change.name for change in one.changes} <= NOT_APPROVED
-
-
-def differs_in_status_only(one: Proposal) -> bool:
-    """Return whether only the status and its reason change."""
-    return {change.name for change in one.changes} <= {"status", "reason"}
 
 
 BY_HAND: Final = "numbers changed by hand"
@@ -470,110 +359,159 @@ def propose(
                 f"several of the cameras would all be {entry.id}; distinguish them by sub-camera, lens or serial"
             )
         seen.add(entry.path)
-        here = CurrentFiles.of(snapshot, entry.path)
-        stated = entry
-        for known in (here.proposed, here.current):
-            if known is not None:
-                stated = _with_current(stated, known, edited=edited)
-        stated = replace(stated, label=stated.label or snapshot.label_of(stated.unit))
-        one = _proposal(stated, here, Status.APPROVED if terms.approve else Status.DRAFT, terms.reason)
-        items.append(replace(one, formers=(written,) if written is not None else ()))
+        formers = (written,) if written is not None else ()
+        items.append(replace(_added(snapshot, entry, terms, edited=edited), formers=formers))
     return checked(snapshot, items)
 
 
-def checked(
-    snapshot: Snapshot, items: Sequence[Proposal], verb: str | None = None, *, only_new: bool = False
-) -> Proposals:
-    """Add to proposals the findings of :func:`calibrary.registry.entry_checks.check` on everything to be written.
+def _added(snapshot: Snapshot, entry: Entry, terms: Terms, *, edited: bool) -> Change:
+    """Return the change by which an entry gets a new content."""
+    path, warnings = entry.path, list[str]()
+    current, proposed = (_known(snapshot, name, warnings) for name in (path, proposed_name(path)))
+    for known in (proposed, current):
+        if known is not None:
+            entry = _with_current(entry, known, edited=edited)
+    entry = replace(entry, label=entry.label or snapshot.label_of(entry.unit))
+    is_free = not snapshot.book.rules.approvals.count
+    is_retired = current is not None and not current.is_usable
+    is_approved = terms.approve or (is_free and is_retired)
+    status = Status.APPROVED if is_approved or is_free else Status.DRAFT
+    after, base = (
+        replace(entry, status=status, reason=terms.reason if is_approved else None),
+        _base(snapshot, path),
+    )
+    for known in (current, proposed):
+        same = known is not None and not differences(known.as_draft, entry.as_draft)
+        if known is not None and same and (known.is_usable or (known is proposed and not is_approved)):
+            return Change(
+                action="add", before=known, after=known, base=base, fields=(), warnings=tuple(warnings)
+            )
+    if current is not None and current.is_usable and not (is_approved or is_free):
+        warnings.append(f"what is {current.status.value} now stays in use until this is approved")
+    if proposed is not None and differences(proposed.as_draft, entry.as_draft):
+        warnings.append("it takes the place of an earlier proposal")
+    before = current if current is not None else proposed
+    return Change(
+        action="approve" if is_approved else "add",
+        before=before,
+        after=after,
+        why=terms.reason,
+        data=entry_yaml(after),
+        base=base,
+        fields=differences(before, after),
+        warnings=tuple(warnings),
+    )
+
+
+def _known(snapshot: Snapshot, name: str, warnings: list[str]) -> Entry | None:
+    """Return an entry that there is; if it cannot be read, None, with a warning."""
+    try:
+        stored = snapshot.at(name)
+    except RegistryError as error:
+        warnings.append(f"the current entry cannot be read and is replaced: {error}")
+        return None
+    return stored.entry if stored is not None else None
+
+
+def _base(snapshot: Snapshot, path: str) -> str | None:
+    return snapshot.cameras.get(path)
+
+
+def checked(snapshot: Snapshot, items: Sequence[Change], *, only_new: bool = False) -> Proposals:
+    """Add to changes the findings of :func:`calibrary.registry.entry_checks.check` on everything to be written.
 
     Only entries that they can affect are read: those of their models and aliases, and those they supersede. Earlier
     errors of other entries are left to ``calibrary registry check``; with ``only_new``, earlier errors of these
     entries as well: an error in K does not prevent setting a label.
     """
     items = [_as_people_wrote(snapshot, one) for one in items]
-    due = [one for one in items if one.changes]
+    due = [one for one in items if one.fields]
     if not due:
-        return Proposals(items=tuple(items), verb=verb)
-    policy = snapshot.configuration.policy
-    concerned = {*_concerned(snapshot.paths, [one.entry for one in due]), *_called_alike(snapshot, due)}
-    before = {path: snapshot.read(path) for path in concerned}
-    if only_new:
-        before |= {one.path: snapshot.read(one.path) for one in due if one.base is not None}
-    own = {one.path: one.data for one in due if one.data is not None}
-    gone = {path for one in due for path, _ in one.replaced}
-    last_approved = {one.entry.path: one.current for one in due if one.current is not None}
-    known = set(check(before, policy)) if before else set()
-    left = {path: data for path, data in before.items() if path not in gone}
-    found = check({**left, **own}, policy, last_approved)
+        return Proposals(items=tuple(items))
+    before = _beside(snapshot, due)
+    after = {**_left(before, due), **{_name(one): one.after for one in due if one.action != "withdraw"}}
+    last_approved = {one.path: one.before for one in due if one.before is not None and one.before.is_usable}
+    known, own = set(check(before, snapshot.policy)), {one.path for one in due}
     findings = tuple(
-        finding for finding in found if finding not in known or (finding.place in own and not only_new)
+        finding
+        for finding in check(after, snapshot.policy, last_approved)
+        if finding not in known or (finding.place in own and not only_new)
     )
-    return Proposals(items=tuple(items), findings=findings, verb=verb)
+    return Proposals(items=tuple(items), findings=findings)
 
 
-def _as_people_wrote(snapshot: Snapshot, one: Proposal) -> Proposal:
-    """Return a proposal with the comments and the order of fields of the files that its own takes the place of."""
-    if not one.changes or one.data is None or one.start is not None or snapshot.repo is None:
+def _name(one: Change) -> str:
+    """Return the name of the entry that a change makes."""
+    return proposed_name(one.path) if one.after.status is Status.DRAFT else one.path
+
+
+def _beside(snapshot: Snapshot, due: Sequence[Change]) -> dict[str, Entry]:
+    """Return the entries that changes can affect, by name, with those that they change."""
+    concerned = {*_concerned(snapshot.cameras, [one.after for one in due]), *_called_alike(snapshot, due)}
+    concerned |= {one.path for one in due} & snapshot.cameras.keys()
+    standings = snapshot.standings(sorted(concerned))
+    names = [path for path, one in standings.items() if one.is_used]
+    names += [proposed_name(path) for path, one in standings.items() if one.is_proposed]
+    return {name: one for name, one in snapshot.parsed(names) if isinstance(one, Entry)}
+
+
+def _left(before: Mapping[str, Entry], due: Sequence[Change]) -> dict[str, Entry]:
+    """Return the entries that stay as they are, but for those in force: what is proposed gives way."""
+    gone = {proposed_name(one.path) for one in due if one.action != "retire"}
+    return {name: one for name, one in before.items() if name not in gone}
+
+
+def _as_people_wrote(snapshot: Snapshot, one: Change) -> Change:
+    """Return a change with the comments and the order of fields of the files that its own takes the place of."""
+    if one.data is None or one.action == "withdraw" or snapshot.repo is None:
         return one
-    beside = (*(oid for _, oid in one.replaced), snapshot.paths.get(one.entry.path))
-    oids = [oid for oid in (one.approves, one.base) if oid is not None] or beside
     found = []
-    for oid in oids:
+    for oid in (one.seen, one.base):
         # What cannot be read has no comments either.
         with suppress(RegistryError):
             found += [snapshot.repo.blob(oid)] if oid is not None else []
     formers = tuple(dict.fromkeys((*one.formers, *found)))
-    data = entry_yaml(one.entry, formers)
-    lost = lost_comments(data, one.entry, formers)
+    data = entry_yaml(one.after, formers)
+    lost = lost_comments(data, one.after, formers)
     said = (lost,) if lost is not None else ()
     return replace(one, formers=formers, data=data, warnings=tuple(dict.fromkeys((*one.warnings, *said))))
 
 
 def judged(snapshot: Snapshot, proposals: Proposals, judge: Judge, override: str | None = None) -> Proposals:
-    """Add to proposals the findings on each K that is to be written or put to use.
+    """Add to changes the findings on each K that is to be written or put to use.
 
     Args:
         snapshot: that they were proposed for.
-        proposals: entries with the findings of :func:`checked`.
+        proposals: changes with the findings of :func:`checked`.
         judge: weighs a K, with the entries that are beside it.
         override: reason to accept what contradicts a K, which stays with its entry; None if that is not accepted.
     """
-    due = [one for one in proposals.due if one.data is not None and not _keeps_k(one)]
-    gone = {path for one in due for path, _ in one.replaced}
+    due = [one for one in proposals.due if one.action in {"add", "approve"}]
+    left = _left(_beside(snapshot, due), due) if due else {}
     groups: dict[str, dict[str, Entry]] = {}
-    for path in _concerned(snapshot.paths, [one.entry for one in due]):
-        with suppress(InputError):
-            if path not in gone:
-                groups.setdefault(model_folder(path), {})[path] = parse_entry(snapshot.read(path), path)
+    for name, entry in (*left.items(), *((_name(one), one.after) for one in due)):
+        groups.setdefault(model_folder(name), {})[name] = entry
+    items, found = {one.path: one for one in proposals.items}, []
     for one in due:
-        groups.setdefault(model_folder(one.path), {})[one.path] = one.entry
-    policy, items, found = snapshot.configuration.policy, {one.path: one for one in proposals.items}, []
-    for one in due:
-        group, entry = groups[model_folder(one.path)], one.entry
-        said = [*judge(one.path, entry, group, one.current, policy)]
+        group, after = groups[model_folder(one.path)], one.after
+        said = [*judge(_name(one), after, group, one.before, snapshot.policy)]
         if override is not None and any(finding.severity is Severity.ERROR for finding in said):
-            entry = replace(entry, override=override)
-            changes = differences(one.current, entry)
-            items[one.path] = _as_people_wrote(snapshot, replace(one, entry=entry, changes=changes))
-            said = [*judge(one.path, entry, group, one.current, policy)]
-        found += said
+            after = replace(after, override=override)
+            new = replace(one, after=after, data=entry_yaml(after), fields=differences(one.before, after))
+            items[one.path] = _as_people_wrote(snapshot, new)
+            said = [*judge(_name(one), after, group, one.before, snapshot.policy)]
+        found += [replace(finding, place=file_path(finding.place or "")) for finding in said]
     return replace(proposals, items=tuple(items.values()), findings=in_order([*proposals.findings, *found]))
 
 
-def _keeps_k(one: Proposal) -> bool:
-    """Whether the K in use stays: only what an approval does not cover changes, or it is retired."""
-    if one.start is not None:
-        return True
-    stays = one.current is not None and one.current.is_usable
-    return needs_no_approval(one) or (stays and differs_in_status_only(one))
-
-
-def _called_alike(snapshot: Snapshot, due: Sequence[Proposal]) -> Iterator[str]:
-    """Yield the usable entries of any camera with the same label as one to be written."""
-    labels = {match_key(one.entry.label) for one in due if one.entry.label is not None}
+def _called_alike(snapshot: Snapshot, due: Sequence[Change]) -> Iterator[str]:
+    """Yield the entries of any camera with the same label as one to be written."""
+    labels = {match_key(one.after.label) for one in due if one.after.label is not None}
     if labels:
         labelled = snapshot.labels.items()
-        yield from (path for path, label in labelled if match_key(label) in labels and path in snapshot.paths)
+        yield from (
+            path for path, label in labelled if match_key(label) in labels and path in snapshot.cameras
+        )
 
 
 def _concerned(paths: Iterable[str], entries: Sequence[Entry]) -> Iterator[str]:
@@ -597,80 +535,6 @@ def _concerned(paths: Iterable[str], entries: Sequence[Entry]) -> Iterator[str]:
             units.append(path)
     if not has_relative:
         yield from units
-
-
-def _proposal(entry: Entry, here: CurrentFiles, status: Status, reason: str | None) -> Proposal:
-    current, warnings = here.current, [*here.warnings]
-    for known, path, oid in ((current, entry.path, here.oid), (here.proposed, here.path, here.proposed_oid)):
-        if known is None:
-            continue
-        unchanged = replace(entry, status=known.status, reason=known.reason)
-        if not differences(known, unchanged) and (status is Status.DRAFT or known.is_usable):
-            return proposal_of(known, known, oid, warnings, path=path)
-    if status is Status.APPROVED:
-        return _approved_at_once(entry, here, reason, warnings)
-    before = current if current is not None else here.proposed
-    if current is not None and current.is_usable:
-        warnings.append(f"what is {current.status.value} now stays in use until this is approved")
-    if here.proposed is not None:
-        warnings.append("it takes the place of an earlier proposal")
-    draft = replace(entry, status=Status.DRAFT, reason=None)
-    is_draft = current is not None and current.status is Status.DRAFT
-    gone = ((entry.path, here.oid),) if is_draft and here.oid is not None else ()
-    return proposal_of(draft, before, here.proposed_oid, warnings, path=here.path, replaced=gone)
-
-
-def _approved_at_once(entry: Entry, here: CurrentFiles, reason: str | None, warnings: list[str]) -> Proposal:
-    approved = replace(entry, status=Status.APPROVED, reason=reason)
-    before = here.current if here.current is not None else here.proposed
-    gone: tuple[tuple[str, str], ...] = ()
-    if here.proposed is not None and here.proposed_oid is not None:
-        if differences(here.proposed, replace(entry, status=Status.DRAFT, reason=None)):
-            warnings.append(f"another K is proposed for it and goes on waiting: {here.path}")
-        else:
-            gone = ((here.path, here.proposed_oid),)
-    return proposal_of(approved, before, here.oid, warnings, replaced=gone)
-
-
-class CurrentFiles(Struct, frozen=True, kw_only=True):
-    """The current entry of one camera, and the proposal for it.
-
-    Attributes:
-        path: path of the proposal, whether or not it exists.
-        current, oid: entry and file id in ``cameras/``; None if there is none (the entry also if it cannot be read).
-        proposed, proposed_oid: the same in ``proposals/``.
-        warnings: errors of entries that cannot be read.
-    """
-
-    path: str
-    current: Entry | None
-    oid: str | None
-    proposed: Entry | None
-    proposed_oid: str | None
-    warnings: tuple[str, ...]
-
-    @classmethod
-    def of(cls, snapshot: Snapshot, path: str) -> CurrentFiles:
-        """Read the current files of an entry, given its path in ``cameras/``."""
-        beside = proposal_path(path)
-        oids = snapshot.paths.get(path), snapshot.proposed.get(beside)
-        there = path in snapshot.paths, beside in snapshot.proposed
-        read: list[Entry | None] = []
-        warnings = []
-        for is_there, place, what in ((there[0], path, "entry"), (there[1], beside, "proposal")):
-            try:
-                read.append(parse_entry(snapshot.read(place), place) if is_there else None)
-            except InputError as error:
-                read.append(None)
-                warnings.append(f"the current {what} cannot be read and is replaced: {error}")
-        return cls(
-            path=beside,
-            current=read[0],
-            oid=oids[0],
-            proposed=read[1],
-            proposed_oid=oids[1],
-            warnings=tuple(warnings),
-        )
 
 
 def _with_current(entry: Entry, current: Entry, *, edited: bool) -> Entry:
@@ -724,7 +588,7 @@ def propose_retirements(
     successor: str | None = None,
     start: date | None = None,
 ) -> Proposals:
-    """Propose to retire entries, and to withdraw proposals; nothing is written.
+    """Propose to retire entries, and to withdraw what is only proposed; nothing is written.
 
     Args:
         snapshot: newest state of the registry.
@@ -741,25 +605,69 @@ def propose_retirements(
     items = []
     for one in stored.values():
         if one.is_pending:
-            items.append(_withdrawn(one, reason))
-        elif start is not None:
-            items.append(_retired_from(snapshot, one, start, reason))
+            items.append(_withdrawn(snapshot, one, reason))
         else:
-            items.append(_changed(one, _with_status(one.entry, Status.RETIRED, reason)))
+            items.append(_retired(one, start, reason))
     if successor is not None:
-        items.append(_succeeding(_current(snapshot, successor), [*stored.values()]))
+        items.append(_succeeding(_current(snapshot, successor), [*stored.values()], reason))
     # What is wrong with a K does not keep it from being retired.
-    return checked(snapshot, items, "Retire", only_new=True)
+    return checked(snapshot, items, only_new=True)
+
+
+def _retired(stored: StoredEntry, start: date | None, reason: str) -> Change:
+    before = stored.entry
+    after = _until(before, start) if start is not None else replace(before, status=Status.RETIRED)
+    after = replace(after, reason=reason)
+    is_new = before.is_usable
+    if start is not None and not is_new:
+        raise RegistryError(f"{stored.id} is {before.status.value} already")
+    return Change(
+        action="retire",
+        before=before,
+        after=after,
+        why=reason,
+        base=stored.base,
+        seen=stored.oid,
+        start=start,
+        fields=differences(before, after) if is_new else (),
+        warnings=() if is_new else (f"it is already {before.status.value}",),
+    )
+
+
+def _until(entry: Entry, start: date) -> Entry:
+    """Return an entry as it is before it is retired from a day on."""
+    first, last = (entry.validity.first, entry.validity.last) if entry.validity is not None else (None, None)
+    end = start - timedelta(days=1)
+    last = min(last, end) if last is not None else end
+    if first is not None and last < first:
+        return replace(entry, status=Status.RETIRED)
+    return replace(entry, validity=Validity(first=first, last=last))
+
+
+def _withdrawn(snapshot: Snapshot, stored: StoredEntry, reason: str) -> Change:
+    """Take a rejected content out of its file, which says again what is in force; it stays in the history."""
+    after = replace(stored.entry, status=Status.RETIRED, reason=reason)
+    used = snapshot.approved(stored.path)
+    return Change(
+        action="withdraw",
+        before=stored.entry,
+        after=after,
+        why=reason,
+        data=entry_yaml(used) if used is not None else None,
+        base=stored.base,
+        seen=stored.oid,
+        fields=differences(stored.entry, after),
+    )
 
 
 def propose_approvals(
     snapshot: Snapshot, source: Snapshot, keys: Sequence[str], terms: Terms = FREELY
 ) -> Proposals:
-    """Propose to approve proposals; nothing is written.
+    """Propose to approve what is proposed; nothing is written.
 
     Args:
         snapshot: state in which the entries become usable.
-        source: state with the proposals.
+        source: state with what is proposed.
         keys: keys of the entries, without a revision.
         terms: why, the days on which an approved entry may be used instead of those it states, and whether a
             contradiction to known facts about its camera is overridden.
@@ -768,67 +676,60 @@ def propose_approvals(
         UnknownCameraError: an entry does not exist.
         RegistryError: a key is ambiguous or contains a revision.
     """
-    items: dict[str, Proposal] = {}
+    items: dict[str, Change] = {}
     validity = Validity.between(terms.valid_from, terms.valid_until)
     for key in keys:
         _refuse_revision(key)
-        proposed = source.pending(key)
-        here = CurrentFiles.of(snapshot, in_use_path(proposed.path))
-        entry = _with_status(proposed.entry, Status.APPROVED, terms.reason)
-        if validity is not None:
-            entry = replace(entry, validity=validity)
-        if proposed.is_pending and here.current is not None:
-            # Labels and tags set since the proposal are kept: the approval does not cover them.
-            entry = replace(
-                entry, label=here.current.label or entry.label, tags=here.current.tags or entry.tags
+        proposed = source.filed(key)
+        used = proposed if not proposed.is_pending else _in_use_as(snapshot, proposed)
+        if used is None or validity is not None:
+            items[proposed.path] = _approved(snapshot, source, proposed, validity, terms)
+        else:
+            entry, said = used.entry, (f"it is already {used.entry.status.value}",)
+            items[proposed.path] = Change(
+                action="approve", before=entry, after=entry, base=used.base, fields=(), warnings=said
             )
-        is_here = here.proposed_oid is not None and here.proposed_oid == proposed.oid
-        if proposed.is_pending and here.current is not None and entry.reason is None:
-            same = replace(entry, reason=here.current.reason) == here.current
-            entry = here.current if same else entry
-        gone = ((proposed.path, here.proposed_oid),) if is_here and here.proposed_oid is not None else ()
-        # Without a usable entry, the proposal is compared with itself: only the status changes.
-        before = here.current if here.current is not None else proposed.entry if is_here else None
-        said = brought(snapshot, source, entry)
-        proposal = replace(_warned(proposal_of(entry, before, here.oid, replaced=gone)), brought=said)
-        items[entry.path] = replace(proposal, approves=proposed.oid) if proposed.is_pending else proposal
-    return checked(snapshot, [*items.values()], "Approve")
+    return checked(snapshot, [*items.values()])
 
 
-def _retired_from(snapshot: Snapshot, stored: StoredEntry, start: date, reason: str | None) -> Proposal:
-    """Retire an entry for the days from one on; only a statement says so, and its file stays."""
-    if not snapshot.is_stated:
-        raise RegistryError(f"nothing was written: only statements retire from a day on; {UNPROVEN}")
-    if not stored.entry.is_usable:
-        raise RegistryError(f"{stored.id} is {stored.entry.status.value} already")
-    before = (snapshot.committed if stored.base is not None else snapshot.read)(stored.path)
-    last = until(stored.entry, start)
-    return Proposal(
-        entry=replace(stored.entry, reason=reason),
-        path=stored.path,
-        data=before,
-        current=stored.entry,
-        base=stored.base,
-        changes=differences(stored.entry, last),
-        start=start,
-    )
+def _in_use_as(snapshot: Snapshot, proposed: StoredEntry) -> StoredEntry | None:
+    """Return the entry that is in force if that is what is proposed, as on a branch that was approved already."""
+    with suppress(RegistryError):
+        now = snapshot.approved(proposed.path)
+        if now is not None and content_of(now) == content_of(proposed.entry):
+            return snapshot.at(proposed.path)
+    return None
 
 
-def _withdrawn(stored: StoredEntry, reason: str | None) -> Proposal:
-    """Remove a rejected proposal; it remains in the history."""
-    entry = replace(stored.entry, status=Status.RETIRED, reason=reason)
-    return Proposal(
-        entry=entry,
-        path=stored.path,
-        data=None,
-        current=stored.entry,
-        base=stored.base,
-        changes=differences(stored.entry, entry),
+def _approved(
+    snapshot: Snapshot, source: Snapshot, proposed: StoredEntry, validity: Validity | None, terms: Terms
+) -> Change:
+    warnings = list[str]()
+    current, file = _known(snapshot, proposed.path, warnings), snapshot.file(proposed.path)
+    after = replace(proposed.entry, status=Status.APPROVED, reason=terms.reason)
+    after = replace(after, validity=validity) if validity is not None else after
+    if source.commit != snapshot.commit and file is not None:
+        # Labels and tags that are here already are kept: the approval does not cover them.
+        after = replace(after, label=file.label or after.label, tags=file.tags or after.tags)
+    before = current if current is not None else proposed.entry
+    is_filed = file is not None and file == after.as_draft
+    return Change(
+        action="approve",
+        before=before,
+        after=after,
+        why=terms.reason,
+        data=None if is_filed else entry_yaml(after),
+        base=_base(snapshot, proposed.path),
+        seen=proposed.oid,
+        fields=differences(before, after),
+        warnings=tuple(warnings),
+        brought=brought(snapshot, source, after),
     )
 
 
 def _current(snapshot: Snapshot, key: str) -> StoredEntry:
-    _refuse_revision(key)
+    if not is_proposal(key):
+        _refuse_revision(key)
     return snapshot.get(key)
 
 
@@ -837,21 +738,7 @@ def _refuse_revision(key: str) -> None:
         raise RegistryError(f"{key}: a past revision cannot be changed; name the entry without @REV")
 
 
-def _with_status(entry: Entry, status: Status, reason: str | None) -> Entry:
-    if entry.status is status and reason is None:
-        return entry
-    return replace(entry, status=status, reason=reason)
-
-
-def _changed(stored: StoredEntry, entry: Entry) -> Proposal:
-    return _warned(proposal_of(entry, stored.entry, stored.base, path=stored.path))
-
-
-def _warned(one: Proposal) -> Proposal:
-    return one if one.changes else replace(one, warnings=(f"it is already {one.entry.status.value}",))
-
-
-def _succeeding(successor: StoredEntry, retired: Sequence[StoredEntry]) -> Proposal:
+def _succeeding(successor: StoredEntry, retired: Sequence[StoredEntry], reason: str) -> Change:
     if len(retired) != 1:
         raise RegistryError(
             f"an entry supersedes one other entry, found {len(retired)} to retire; retire them one by one"
@@ -864,7 +751,27 @@ def _succeeding(successor: StoredEntry, retired: Sequence[StoredEntry]) -> Propo
             f"{successor.id} supersedes {successor.entry.supersedes} already; correct its file first with "
             "'calibrary registry add FILE'"
         )
-    return _changed(successor, replace(successor.entry, supersedes=old.id))
+    before = successor.entry
+    after = replace(before, supersedes=old.id)
+    return Change(
+        action="approve" if before.is_usable else "add",
+        before=before,
+        after=after,
+        why=reason,
+        data=entry_yaml(after),
+        base=successor.base,
+        fields=differences(before, after),
+    )
+
+
+class Saved(Written, frozen=True, kw_only=True):
+    """Written changes.
+
+    Attributes:
+        missing: what entries that were approved lack to be used, by their id.
+    """
+
+    missing: Mapping[str, str] = {}
 
 
 def save(
@@ -872,16 +779,16 @@ def save(
     proposals: Proposals,
     terms: Terms = FREELY,
     *,
-    note: Note | None = None,
+    message: str | None = None,
     author: Person | None = None,
-) -> Written:
-    """Write proposals as one commit.
+) -> Saved:
+    """Write changes as one commit.
 
     Args:
         registry: the registry.
-        proposals: proposals that were shown.
+        proposals: changes that were shown.
         terms: why, for the history, and the target branch, if it is not the one that is checked out.
-        note: complete content of the commit message, instead of one derived from the entries.
+        message: message of the commit, instead of one derived from the changes.
         author: author of the commit; by default git's user.
 
     Raises:
@@ -893,55 +800,23 @@ def save(
         raise RegistryError(f"nothing was written: {damage}")
     if wrong := [*proposals.errors, *(one.message for one in proposals.problems)]:
         raise RegistryError(f"nothing was written: {wrong[0]}")
-    changes = [change for one in due for change in one.file_changes]
-    # Connect the history of an entry across its approval.
-    moved = [(old, one.path) for one in due for old, _ in one.replaced if one.base is None]
-    note = note or note_of(proposals.subject, [one.entry for one in due], terms.reason)
-    snapshot = registry.branch(terms.branch)
-    acts = [act for one in due if (act := _act(one)) is not None]
-    if not snapshot.is_stated:
-        if registry.configuration.approvals is not None and any(act.action == "approve" for act in acts):
-            raise RegistryError(f"nothing was written: {UNPROVEN}")
-        found = Stated()
-    else:
-        found = stated(snapshot, acts, terms.reason, author=author)
-    if found.missing:
-        named = next(iter(found.missing)) if len(acts) == 1 else f"{len(acts)} cameras"
-        note = replace(note, subject=f"Approve {named}, with others to follow")
-        changes = [_as_proposal(snapshot, one) for one in due if one.approves is None and not one.replaced]
+    found = stated(registry.branch(terms.branch), due, author=author)
+    message = message or message_of(
+        proposals.subject(found.missing), [one.after for one in due], terms.reason
+    )
     written = write_changes(
         registry.repo,
-        [*changes, *found.changes],
-        replace(note, moved=moved if changes else ()),
+        [*(file for one in due for file in one.files), *found.changes],
+        message,
         author=author,
         branch=terms.branch,
         is_checked=True,
     )
     unused = (f"{id_} is not used yet: it has {why}" for id_, why in found.missing.items())
-    paths = {path: oid for path, oid in written.paths.items() if not path.startswith(STATEMENTS)}
-    return replace(written, paths=paths, warnings=(*written.warnings, *found.warnings, *unused))
-
-
-def _as_proposal(snapshot: Snapshot, one: Proposal) -> Change:
-    """Return the file of an entry that waits for more approvals."""
-    path = proposal_path(one.path)
-    draft = replace(one.entry, status=Status.DRAFT, reason=None)
-    return Change(path=path, data=entry_yaml(draft, one.formers), base=snapshot.proposed.get(path))
-
-
-ACTIONS: Final[Mapping[Status, Action]] = {Status.APPROVED: "approve", Status.RETIRED: "retire"}
-
-
-def _act(one: Proposal) -> Act | None:
-    """Return what a person states of an entry by writing it; None if that is nothing."""
-    if one.data is None or (one.entry.status is Status.DRAFT and not needs_no_approval(one)):
-        return None
-    action: Action = "retire" if one.start is not None else ACTIONS.get(one.entry.status, "label")
-    if needs_no_approval(one):
-        action = "label"
-    return Act(
-        action=action,
-        entry=one.entry,
-        start=one.start,
-        brought=one.brought,
+    return Saved(
+        commit=written.commit,
+        parent=written.parent,
+        paths={path: oid for path, oid in written.paths.items() if not path.startswith(EVENTS)},
+        warnings=(*written.warnings, *found.warnings, *unused),
+        missing=found.missing,
     )

@@ -31,13 +31,13 @@ from calibrary.registry.fields import Row, Value, known_fields
 from calibrary.registry.paths import (
     PROPOSED,
     UNIT,
+    file_path,
     id_of,
-    in_use_path,
     is_proposal,
-    proposal_path,
+    proposed_name,
     unit_folder,
 )
-from calibrary.registry.snapshot import ListedEntries, Snapshot, StoredEntry, unapproved
+from calibrary.registry.snapshot import ListedEntries, Snapshot, StoredEntry
 
 SHORT_NAMES: Final[Mapping[str, str]] = {
     **{name: f"camera.{name}" for name in ("make", "model", "sub_camera", "lens", "serial")},
@@ -55,7 +55,7 @@ SHORT_NAMES: Final[Mapping[str, str]] = {
 """Short names of frequent fields; others are named as in the file, or by the last part of that name."""
 OWN: Final = (
     *("id", "label", "unit", "tags", "notes", "status"),
-    *("grade", "firmware", "proposal", "proposed", "remark"),
+    *("grade", "firmware", "proposal", "proposed"),
 )
 """Fields that are not in the file, or not in this form."""
 DATES: Final = frozenset(
@@ -160,7 +160,7 @@ class Selection(Struct, frozen=True, kw_only=True, dict=True):
     """Selected and sorted entries.
 
     Attributes:
-        paths: paths of the entries, in order.
+        paths: names of the entries, in order.
         rows: fields of each entry.
     """
 
@@ -274,8 +274,8 @@ def short_ids(paths: Sequence[str], every: Collection[str]) -> list[str]:
         if UNIT_FOLDER in path:
             model, digits = _model_and_hash(path)
             short = short.replace(f"/{UNIT}{digits}/", f"/{UNIT}{digits[: lengths[model]]}/")
-        beside = is_proposal(path) and in_use_path(path) in shown
-        found.append(f"{PROPOSED}{short}" if beside else short)
+        beside = is_proposal(path) and file_path(path) in shown
+        found.append(f"{short}{PROPOSED}" if beside else short)
     return found
 
 
@@ -315,8 +315,7 @@ class EntryListing(Struct, frozen=True, eq=False, dict=True):
         """Sentences about what is only proposed or not approved, and about files that are not read."""
         pairs = [*zip(self.chosen.paths, self.chosen.rows, strict=True)]
         proposed = self.snapshot.all_proposed([path for path, row in pairs if is_proposal(path)])
-        remarked = unapproved([path for path, row in pairs if "remark" in row])
-        said = proposed or None, remarked, self.snapshot.unread
+        said = proposed or None, self.snapshot.unread
         return [text for text in said if text is not None]
 
     def short_ids(self) -> list[str]:
@@ -374,7 +373,7 @@ def listed(
         for path, row in snapshot.rows(paths, unreadable=unreadable.append)
         if (not statuses or row["status"] in statuses)
         and (not grades or row["grade"] in grades)
-        and (path not in proposed or "draft" in statuses or in_use_path(path) not in snapshot.paths)
+        and (path not in proposed or "draft" in statuses or file_path(path) not in snapshot.paths)
     ]
     found.sort(key=lambda one: str(one[1]["id"]))
     chosen = select(found, conditions, sort)
@@ -390,7 +389,7 @@ def _paths_with_words(snapshot: Snapshot, words: Sequence[str]) -> Iterator[str]
         return
     labels = snapshot.labels
     for path in every:
-        label = labels.get(in_use_path(path), "") if labels else ""
+        label = labels.get(file_path(path), "") if labels else ""
         # The first word excludes nearly all entries of a large registry, before their ids are computed.
         if not label and words[0] not in path:
             continue
@@ -401,8 +400,8 @@ def _paths_with_words(snapshot: Snapshot, words: Sequence[str]) -> Iterator[str]
 
 def _row(path: str, stated: Row, proposed: Collection[str]) -> Row:
     """Return the fields of an entry with its id, and whether it is proposed or another proposal exists."""
-    is_pending = path in proposed or stated["status"] == "draft"
+    is_pending = path in proposed
     row = {**stated, "id": id_of(path), "proposed": is_pending}
-    if proposed and path not in proposed and (proposal := proposal_path(path)) in proposed:
-        row["proposal"] = proposal
+    if proposed and path not in proposed and proposed_name(path) in proposed:
+        row["proposal"] = f"{id_of(path)}{PROPOSED}"
     return row

@@ -9,17 +9,20 @@ from pathlib import Path
 from typing import Final, Self
 
 from calibrary.errors import InputError, RegistryError, UnknownCameraError
+from calibrary.records import replace
 from calibrary.registry import history as entry_history
 from calibrary.registry.configuration import Configuration, configuration_at, parse_configuration
+from calibrary.registry.entry import Status
 from calibrary.registry.entry_yaml import parse_entry, parsed
 from calibrary.registry.git.errors import TooLargeError
 from calibrary.registry.git.history import ChangedFile, Firmware, changed, commit_at, newest_where, parse_rev
 from calibrary.registry.git.program import check_branch
 from calibrary.registry.git.repository import Repository, require_branch
 from calibrary.registry.history import EntryRevision
-from calibrary.registry.paths import CAMERAS, PROPOSALS, PROPOSED, ROOT, check_path, id_of, is_entry
+from calibrary.registry.paths import CAMERAS, PROPOSED, ROOT, check_path, file_path, id_of, is_entry
 from calibrary.registry.places import CONFIGURATION_FILE, FOLDER, plain_folder
 from calibrary.registry.snapshot import Snapshot, StoredEntry, read_entry_file, require_own_path
+from calibrary.registry.statements import content_of, subject_of
 
 KEPT_SNAPSHOTS: Final = 4
 PATCHED_FROM: Final = 1000
@@ -40,7 +43,7 @@ class Registry:
         """Open the registry in a repository.
 
         Raises:
-            RegistryError: the repository contains other files, or a registry with a newer layout.
+            RegistryError: the repository contains other files, or a registry with another layout.
         """
         self.repo: Final = repo
         self.configuration: Final = _configuration_of(repo)
@@ -103,6 +106,8 @@ class Registry:
             UnknownCameraError: the camera does not exist, or not at that revision.
             RegistryError: several entries match, or the entry cannot be read, or is of another camera than its path.
         """
+        if key.endswith(PROPOSED):
+            return self.snapshot().get(key)
         name, at, rev = key.partition("@")
         if at and isinstance(meant := parse_rev(rev), Firmware):
             return self._of_firmware(name, meant.version)
@@ -110,7 +115,7 @@ class Registry:
 
     def _of_firmware(self, name: str, version: str) -> StoredEntry:
         snapshot = self.snapshot()
-        path = snapshot.find(name)
+        path = file_path(snapshot.find(name))
         found = newest_where(self.repo, path, self.commit(), partial(_is_of_firmware, path, version))
         if found is None:
             there = dict.fromkeys(one.firmware for one in self.revisions(path) if one.firmware is not None)
@@ -120,6 +125,9 @@ class Registry:
             )
         revision, blob = found
         entry = parsed(blob.data, revision.path)
+        approved = snapshot.book.in_force(subject_of(path)).approved.values()
+        if content_of(entry) in {one.says for one in approved}:
+            entry = replace(entry, status=Status.APPROVED)
         return require_own_path(
             StoredEntry(entry=entry, path=revision.path, oid=blob.oid, commit=revision.commit)
         )
@@ -137,11 +145,9 @@ class Registry:
         return iter(entry_history.of_path(self.repo, self.commit(), path))
 
     def changed(self, before: str | None, after: str | None = None) -> tuple[ChangedFile, ...]:
-        """Return the entries and proposals that differ between two revisions; without ``before``, all of them."""
+        """Return the files of entries that differ between two revisions; without ``before``, all of them."""
         start, end = self.commit(before) if before is not None else None, self.commit(after)
-        return tuple(
-            file for folder in (CAMERAS, PROPOSALS) for file in changed(self.repo, start, end, folder)
-        )
+        return changed(self.repo, start, end, CAMERAS)
 
     def branch(self, name: str | None) -> Snapshot:
         """Return the state of a branch; if there is no such branch yet, that of the current one."""
@@ -154,7 +160,7 @@ def uncommitted(repo: Repository) -> tuple[str, ...]:
     if repo.work_tree is None:
         return ()
     options = ("--porcelain", "-z", "--no-renames", "--untracked-files=all")
-    listed = repo.run("status", *options, "--", ROOT, PROPOSED).out
+    listed = repo.run("status", *options, "--", ROOT).out
     return tuple(filter(is_entry, (os.fsdecode(line[3:]) for line in listed.split(b"\0") if line)))
 
 
@@ -198,7 +204,7 @@ def _configuration_of(repo: Repository) -> Configuration:
         require_branch(repo)
         return Configuration()
     found = configuration_at(repo, tip)
-    if found is None and not repo.listing(tip, CAMERAS, PROPOSALS):
+    if found is None and not repo.listing(tip, CAMERAS):
         raise RegistryError(
             f"{repo.path}: a git repository, but not a registry: it has neither {CONFIGURATION_FILE} nor entries in "
             "cameras/; 'calibrary registry init FOLDER' makes one of its own"

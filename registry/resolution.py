@@ -22,11 +22,8 @@ from calibrary.image_size import same_aspect
 from calibrary.known_camera import match_key, normalise_sub_camera
 from calibrary.records import Record, replace
 from calibrary.registry.entry import USABLE, Entry, Status, noted
-from calibrary.registry.entry_yaml import parse_entry
-from calibrary.registry.paths import folder_of, id_of, is_proposal, proposal_path, slug
+from calibrary.registry.paths import UNIT, folder_of, id_of, slug
 
-Earlier: TypeAlias = Callable[[str], Iterable[tuple[str, Entry]]]
-"""Returns (commit, entry) for an entry's earlier usable revisions, newest first, given its path."""
 AliasMap: TypeAlias = Mapping[tuple[str, str], frozenset[str]]
 """Folders with entries that have an alias (make, model), by the alias as match keys."""
 
@@ -43,7 +40,7 @@ class OnlyProposed(Struct, frozen=True, kw_only=True):
         key: KEY of the entry.
         by: who proposed it; None in a plain folder.
         have: number of people whose approval counts.
-        asked: number of approvals that the rules ask for; 0 if they were not read.
+        asked: number of approvals that the rules ask for; 0 if they are not known.
         digest: the file for ``approve --digest``; None in a plain folder.
     """
 
@@ -86,12 +83,12 @@ class Resolution(Struct, frozen=True, kw_only=True):
 
     Attributes:
         path: path of the entry.
-        entry: the entry, as in its file.
+        entry: the entry that is in force.
         calibration: calibration at the camera's image size; its provenance is the entry and the entry's source.
         why: reason for the choice, in words.
         near: other entries of the same make and model with the reason against each (only the first few).
         remark: of a proposal, who proposed it, what it lacks and what approves it; None of an entry in use.
-        revision: commit of an earlier revision, if that applies to the day; None for the current one.
+        is_of_its_day: whether it is in force on the day that was asked for, and another one on others.
         layer: name of the registry with the entry, if several were searched.
         disagreements: contradictions by the registries later in the search order.
     """
@@ -102,7 +99,7 @@ class Resolution(Struct, frozen=True, kw_only=True):
     why: str
     near: tuple[RejectedEntry, ...]
     remark: str | None = None
-    revision: str | None = None
+    is_of_its_day: bool = False
     layer: str | None = None
     disagreements: tuple[str, ...] = ()
 
@@ -176,25 +173,8 @@ def near(
     return tuple(_matches_and_misses(entries, key, on, statuses)[1][:MOST_NEAR])
 
 
-def scan_aliases(files: Iterable[tuple[str, bytes]]) -> AliasMap:
-    """Return the aliases of a registry's cameras; files that cannot be read are skipped.
-
-    Args:
-        files: path and content of every entry; only those that contain the word "aliases" are parsed.
-    """
-    found: dict[tuple[str, str], set[str]] = {}
-    for path, data in files:
-        if b"aliases" not in data:
-            continue
-        try:
-            entry = parse_entry(data, path, require_digest=False)
-        except InputError:
-            continue
-        camera = entry.calibration.camera
-        folder = folder_of(camera.make or "", camera.model or "")
-        for alias in entry.aliases:
-            found.setdefault((match_key(alias.make), match_key(alias.model)), set()).add(folder)
-    return {name: frozenset(folders) for name, folders in found.items()}
+Choices: TypeAlias = Mapping[str, Sequence[Entry]]
+"""What is in force of entries on any day, first that of no particular one, and what is proposed last; by path."""
 
 
 class RegistryIndex:
@@ -207,38 +187,30 @@ class RegistryIndex:
     def __init__(
         self,
         paths: Iterable[str],
-        load: Callable[[str], bytes],
+        load: Callable[[str], Iterable[Entry]],
         *,
-        proposed: Iterable[str] = (),
         aliases: Callable[[], AliasMap] | None = None,
-        earlier: Earlier | None = None,
-        require_digest: bool = True,
         prepare: Callable[[Sequence[str]], object] | None = None,
-        remark: Callable[[str, Status], str | None] | None = None,
+        unapproved: Callable[[str], str] | None = None,
     ) -> None:
         """List a registry, without reading any entry.
 
         Args:
             paths: paths of all entries, from the registry's root.
-            load: returns the content of an entry.
-            proposed: paths of the proposals, which are treated as drafts whatever their status.
-            aliases: returns :func:`scan_aliases` of all entries, if available faster; otherwise all entries are
-                scanned when no entry matches a camera by its own name.
-            earlier: returns (commit, entry) for an entry's earlier usable revisions, newest first.
-            require_digest: reject entries without a digest.
+            load: returns what is in force of an entry on any day, first that of no particular one, and what is
+                proposed last.
+            aliases: returns the folders of entries by their aliases, if available faster; otherwise all entries are
+                read when none matches a camera by its own name.
             prepare: called with the paths that will be loaded next.
-            remark: returns what of an entry is not in force, in words, given its status.
+            unapproved: returns what is to say of what is only proposed.
         """
         self.paths: Final[Sequence[str]] = sorted(paths)
-        self.proposed: Final[Sequence[str]] = sorted(proposed)
         self._load = load
-        self._earlier = earlier
-        self._require_digest = require_digest
         self._prepare = prepare
-        self._remark = remark
+        self._unapproved = unapproved or (lambda path: str(OnlyProposed(key=id_of(path))))
         self._find_aliases = aliases
         self._aliases: AliasMap | None = None
-        self._folders: dict[tuple[str, ...], Mapping[str, Entry]] = {}
+        self._folders: dict[tuple[str, ...], Choices] = {}
 
     def resolve(
         self, key: CameraKey, *, on: date | None = None, statuses: Collection[Status] = USABLE
@@ -249,16 +221,15 @@ class RegistryIndex:
             AmbiguousEntryError: two entries match equally well.
             RegistryError: a candidate cannot be read.
         """
-        for candidates in (self.candidates, self._by_alias):
-            entries, commits = self._valid_on(candidates(key), on)
-            found = resolve(entries, key, on=on, statuses=statuses)
+        for candidates in (self._by_name, self._by_alias):
+            choices = candidates(key)
+            found = resolve(_on(choices, on, statuses), key, on=on, statuses=statuses)
             if found is None:
                 continue
-            commit = commits.get(found.path)
-            why = f"{found.why}; by its revision of {commit[:12]}, valid on {on}" if commit else found.why
-            if (remark := self._remarked(found.path)) is not None:
-                why = f"{why}; {remark}"
-            return replace(found, revision=commit, why=why)
+            if on is None or found.entry is choices[found.path][0] or not found.entry.is_usable:
+                return found
+            why = f"{found.why}; by what was approved for the days {found.entry.validity}"
+            return replace(found, is_of_its_day=True, why=why)
         return None
 
     def proposed_for(self, key: CameraKey, *, on: date | None = None) -> Resolution | None:
@@ -269,32 +240,10 @@ class RegistryIndex:
                 return replace(found, remark=self._unapproved(found.path))
         return None
 
-    def _remarked(self, path: str) -> str | None:
-        return self._remark(path, Status.APPROVED) if self._remark is not None else None
-
-    def _unapproved(self, path: str) -> str:
-        said = self._remark(path, Status.DRAFT) if self._remark is not None else None
-        return said or str(OnlyProposed(key=id_of(path)))
-
     def is_dated(self, key: CameraKey) -> bool:
         """Return whether the result for a camera may depend on the day."""
-        entries = self.candidates(key) or self._by_alias(key)
-        return any(entry.validity is not None for entry in entries.values())
-
-    def _valid_on(
-        self, entries: Mapping[str, Entry], on: date | None
-    ) -> tuple[Mapping[str, Entry], dict[str, str]]:
-        """Return each entry in its newest approved revision valid on a day, and the commits of earlier revisions."""
-        if on is None or self._earlier is None:
-            return entries, {}
-        past: dict[str, tuple[str, Entry]] = {}
-        for path, entry in entries.items():
-            if entry.is_usable and entry.validity is not None and not entry.validity.holds(on):
-                found = _newest_valid(entry, self._earlier(path), on)
-                if found is not None:
-                    past[path] = found
-        commits = {path: commit for path, (commit, _) in past.items()}
-        return {**entries, **{path: entry for path, (_, entry) in past.items()}}, commits
+        choices = self._by_name(key) or self._by_alias(key)
+        return any(one.validity is not None for entries in choices.values() for one in entries)
 
     def near(
         self, key: CameraKey, *, on: date | None = None, statuses: Collection[Status] = USABLE
@@ -304,14 +253,12 @@ class RegistryIndex:
         Raises:
             RegistryError: an entry cannot be read.
         """
-        found = near({**self.candidates(key), **self._by_alias(key)}, key, on=on, statuses=statuses)
-        return tuple(map(self._explained, found))
-
-    def _explained(self, one: RejectedEntry) -> RejectedEntry:
-        if one.reason == ONLY_PROPOSED:
-            return replace(one, reason=self._unapproved(one.path))
-        remark = self._remarked(one.path)
-        return replace(one, reason=f"{one.reason}; {remark}") if remark is not None else one
+        choices = {**self._by_name(key), **self._by_alias(key)}
+        found = near(_on(choices, on, statuses), key, on=on, statuses=statuses)
+        return tuple(
+            replace(one, reason=self._unapproved(one.path)) if one.reason == ONLY_PROPOSED else one
+            for one in found
+        )
 
     def candidates(self, key: CameraKey) -> Mapping[str, Entry]:
         """Return the entries of a make and model, without those of other units.
@@ -319,72 +266,57 @@ class RegistryIndex:
         Raises:
             RegistryError: an entry cannot be read.
         """
+        return {path: entries[0] for path, entries in self._by_name(key).items()}
+
+    def _by_name(self, key: CameraKey) -> Choices:
         if not key.make or not key.model:
             return {}
         return self._parsed((folder_of(key.make, key.model),), key.serial)
 
-    def _by_alias(self, key: CameraKey) -> Mapping[str, Entry]:
+    def _by_alias(self, key: CameraKey) -> Choices:
         if not key.make or not key.model:
             return {}
         if self._aliases is None:
-            find = self._find_aliases or self._scan
-            self._aliases = find()
+            self._aliases = (self._find_aliases or self._scan)()
         folders = self._aliases.get((match_key(key.make), match_key(key.model)), frozenset())
         return self._parsed(tuple(sorted(folders)), key.serial) if folders else {}
 
     def _scan(self) -> AliasMap:
-        return scan_aliases((path, self._load(path)) for path in self.paths)
+        found: dict[tuple[str, str], set[str]] = {}
+        for path in self.paths:
+            with suppress(RegistryError):
+                for alias in (alias for entry in self._load(path) for alias in entry.aliases):
+                    folder = path.rpartition(f"/{UNIT}")[0] or path.rpartition("/")[0]
+                    found.setdefault((match_key(alias.make), match_key(alias.model)), set()).add(f"{folder}/")
+        return {name: frozenset(folders) for name, folders in found.items()}
 
-    def _parsed(self, folders: tuple[str, ...], serial: str | None) -> Mapping[str, Entry]:
+    def _parsed(self, folders: tuple[str, ...], serial: str | None) -> Choices:
         at = (*folders, slug(serial) if serial is not None else "")
-        entries = self._folders.get(at)
-        if entries is None:
+        choices = self._folders.get(at)
+        if choices is None:
             if len(self._folders) >= MOST_FOLDERS:
                 self._folders.clear()
             paths = [path for folder in folders for path in self._in_folder(folder, serial)]
             if self._prepare is not None:
                 self._prepare(paths)
-            read = {path: self._read(path) for path in paths}
-            entries = {path: entry for path, entry in read.items() if entry is not None}
-            self._folders[at] = entries
-        return entries
+            read = {path: tuple(self._load(path)) for path in paths}
+            choices = self._folders[at] = {path: entries for path, entries in read.items() if entries}
+        return choices
 
     def _in_folder(self, folder: str, serial: str | None) -> list[str]:
         # File names start with a digit and folders of units with a letter, so the files come first.
-        folders = [folder, *([f"{folder}sn-{slug(serial)}/"] if serial is not None else [])]
-        paths = [path for one in folders for path in _between(self.paths, one)]
-        return paths + [path for one in folders for path in _between(self.proposed, proposal_path(one))]
-
-    def _read(self, path: str) -> Entry | None:
-        try:
-            entry = parse_entry(self._load(path), path, require_digest=self._require_digest)
-        except InputError as error:
-            if is_proposal(path):
-                # It matches nothing; reporting its errors is the task of the check.
-                return None
-            raise RegistryError(str(error)) from None
-        return (
-            entry
-            if entry.status is Status.DRAFT or not is_proposal(path)
-            else replace(entry, status=Status.DRAFT)
-        )
+        folders = [folder, *([f"{folder}{UNIT}{slug(serial)}/"] if serial is not None else [])]
+        return [path for one in folders for path in _between(self.paths, one)]
 
 
-def _newest_valid(entry: Entry, earlier: Iterable[tuple[str, Entry]], on: date) -> tuple[str, Entry] | None:
-    """Return the newest of an entry's earlier revisions that is valid on a day.
-
-    A revision without a last day is valid until a newer one begins: after a limited period, the revision before it is
-    not used again.
-    """
-    begins = entry.validity.first if entry.validity is not None else None
-    for commit, one in earlier:
-        days = one.validity
-        has_end = days is not None and days.last is not None
-        if (days is None or days.holds(on)) and (has_end or (begins is not None and on < begins)):
-            return commit, one
-        if days is not None and days.first is not None:
-            begins = min(begins, days.first) if begins is not None else days.first
-    return None
+def _on(choices: Choices, day: date | None, statuses: Collection[Status]) -> Mapping[str, Entry]:
+    """Return of each entry what counts on a day, else what says best why nothing does."""
+    found = {}
+    for path, entries in choices.items():
+        asked = [one for one in entries if one.status in statuses]
+        there = [one for one in asked if day is None or one.validity is None or one.validity.holds(day)]
+        found[path] = (there or asked or sorted(entries, key=lambda one: one.status is not Status.DRAFT))[0]
+    return found
 
 
 def _between(paths: Sequence[str], folder: str) -> Sequence[str]:
@@ -405,7 +337,7 @@ def _matches_and_misses(
         elif outcome is not None:
             misses.append(RejectedEntry(path=path, reason=outcome))
     # List proposals that would match first.
-    misses.sort(key=lambda miss: not (is_proposal(miss.path) and miss.reason == ONLY_PROPOSED))
+    misses.sort(key=lambda miss: miss.reason != ONLY_PROPOSED)
     return sorted(fits, key=lambda found: (found.rank, found.path)), misses
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from calibrary.errors import RegistryError
-from calibrary.registry.configuration import UNPROVEN, RuleSet, parse_configuration
+from calibrary.registry.configuration import RuleSet, parse_configuration
 from calibrary.registry.places import CONFIGURATION_FILE
-from calibrary.registry.proposals import ChangeReport, Note, require_digest, write_changes
+from calibrary.registry.proposals import ChangeReport, message_of, require_digest, write_changes
 from calibrary.registry.registry import Registry
 from calibrary.registry.sshsig import fingerprint, key_blob
 from calibrary.registry.stating import state_rules
@@ -15,12 +15,11 @@ def stated_rules(registry: Registry) -> tuple[RuleSet, str]:
     """Return what the committed ``registry.yaml`` asks for, and git's id of the file.
 
     Raises:
-        RegistryError: the registry has no such file, or no statements.
+        RegistryError: the registry has no such file.
     """
-    snapshot = registry.snapshot()
     blob = registry.repo.read(registry.commit(), CONFIGURATION_FILE)
-    if blob is None or not snapshot.is_stated:
-        raise RegistryError(f"{registry.repo.path}: {UNPROVEN}")
+    if blob is None:
+        raise RegistryError(f"{registry.repo.path}: has no {CONFIGURATION_FILE}")
     return parse_configuration(blob.data).rules, blob.oid
 
 
@@ -32,7 +31,8 @@ def rules_text(rules: RuleSet) -> str:
         lines.append(" ".join([one.name, *map(fingerprint, blobs)]))
     rule = rules.approvals
     of_whom = f" of {', '.join(rule.by)}" if rule.by else ""
-    lines.append(f"{rule.count} approval{'s' if rule.count > 1 else ''}{of_whom}")
+    lines.append(f"{rule.count} approval{'s' if rule.count != 1 else ''}{of_whom}")
+    lines.append(f"limits of the policy {rules.policy.name}")
     return "\n".join(lines)
 
 
@@ -45,7 +45,7 @@ def approve_rules(registry: Registry, digest: str, reason: str | None) -> Change
         )
     found = state_rules(registry.snapshot(), rules, reason)
     subject = "Approve new rules" + (", with others to follow" if found.missing else "")
-    written = write_changes(registry.repo, found.changes, Note(subject=subject, reason=reason))
+    written = write_changes(registry.repo, found.changes, message_of(subject, reason=reason))
     unused = tuple(
         f"what registry.yaml asks for is not in force yet: it has {why}" for why in found.missing.values()
     )

@@ -1,28 +1,25 @@
-"""What readers get of an entry: what its statements put in force, beside its file.
-
-The file in ``cameras/`` is a copy of what is in force, for people; where the two differ, readers get what is in force,
-and a remark.
-"""
+"""What readers get of an entry: what its statements put in force, on every day, and what its file only proposes."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from datetime import date, timedelta
-from typing import Final
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from datetime import date
+from typing import Final, TypeAlias
 
 from msgspec import Struct
 
 from calibrary.errors import InputError, RegistryError
 from calibrary.records import replace
+from calibrary.registry.configuration import RuleSet
 from calibrary.registry.entry import Entry, Status, Validity
-from calibrary.registry.entry_yaml import entry_yaml
-from calibrary.registry.git.repository import Repository
+from calibrary.registry.git.errors import TooLargeError
 from calibrary.registry.in_force import MOST, Content, InForce, Rulebook, in_force, label_of
-from calibrary.registry.paths import ROOT, STATEMENTS, id_of, unit_folder
+from calibrary.registry.paths import EVENTS, ROOT, id_of, unit_folder
 from calibrary.registry.statements import (
     RULES,
     Broken,
     Signed,
+    approved_of,
     content_of,
     entry_in,
     may_end,
@@ -30,39 +27,55 @@ from calibrary.registry.statements import (
     subject_in,
 )
 
-UNREAD: Final = "its file cannot be read"
+Listing: TypeAlias = Callable[[str], Mapping[str, str]]
+"""Returns the files of a folder, by path, with the names by which their contents are read."""
+Contents: TypeAlias = Callable[[Sequence[str]], Iterable[bytes]]
 
 
 class Book:
-    """The statements at one commit.
+    """The statements of a registry at one state.
 
     Attributes:
         rulebook: the rules.
     """
 
     def __init__(
-        self, repo: Repository, commit: str, *, known: str | None = None, followed: Collection[str] = ()
+        self,
+        listing: Listing,
+        contents: Contents,
+        *,
+        known: str | None = None,
+        followed: Collection[str] = (),
+        may_be_free: bool = False,
     ) -> None:
         """Read the rules.
 
         Args:
-            repo: repository of the registry.
-            commit: 40 hexadecimal digits.
+            listing: lists files.
+            contents: reads files.
             known: id of the foundation, if this reader has seen it before.
             followed: ids of the rules that this reader has seen in force.
+            may_be_free: whether files without a foundation are used as they are.
 
         Raises:
             RegistryError: the foundation is missing, or is not one.
         """
-        self._repo, self._commit = repo, commit
+        self._listing, self._contents = listing, contents
         self._every: Mapping[str, list[Signed | Broken]] | None = None
-        self.rulebook: Final = Rulebook.of(self.statements(RULES), known, followed)
+        on_rules = self.statements(RULES)
+        is_free = may_be_free and not on_rules
+        self.rulebook: Final = Rulebook.free() if is_free else Rulebook.of(on_rules, known, followed)
+
+    @property
+    def rules(self) -> RuleSet:
+        """The rules in force."""
+        return self.rulebook.people.rules
 
     def statements(self, subject: str) -> list[Signed | Broken]:
         """Return the statements on one subject."""
         if self._every is not None and subject != RULES:
             return self._every.get(subject, [])
-        files = self._repo.listing(self._commit, f"{STATEMENTS}{subject}")
+        files = self._listing(f"{EVENTS}{subject}")
         own = {path: oid for path, oid in files.items() if subject_in(path) == subject}
         if len(own) > MOST:
             return [Broken(path=path, why="is one of too many") for path in own]
@@ -70,13 +83,16 @@ class Book:
 
     def _read(self, files: Mapping[str, str]) -> Iterator[Signed | Broken]:
         try:
-            contents = [*self._repo.objects([*files.values()])]
+            contents = [*self._contents([*files.values()])]
         except RegistryError:
             for path, oid in files.items():
                 try:
-                    yield parse_statement(path, self._repo.blob(oid))
-                except RegistryError as error:
+                    yield parse_statement(path, *self._contents([oid]))
+                except TooLargeError as error:
                     yield Broken(path=path, why=str(error), ends=may_end(path))
+                except RegistryError as error:
+                    # Nobody can say what it was.
+                    yield Broken(path=path, why=str(error), ends=True)
             return
         for path, data in zip(files, contents, strict=True):
             yield parse_statement(path, data)
@@ -84,7 +100,7 @@ class Book:
     def read_all(self) -> Mapping[str, list[Signed | Broken]]:
         """Return all statements on entries and labels by their subject, then kept, for a reader of many."""
         if self._every is None:
-            files = self._repo.listing(self._commit, STATEMENTS)
+            files = self._listing(EVENTS)
             found: dict[str, list[Signed | Broken]] = {}
             kept = {path: oid for path, oid in files.items() if subject_in(path) != RULES}
             for path, one in zip(kept, self._read(kept), strict=True):
@@ -92,21 +108,15 @@ class Book:
             self._every = found
         return self._every
 
-    def in_force(
-        self,
-        subject: str,
-        statements: Sequence[Signed | Broken] | None = None,
-        *,
-        expected: Collection[str] = (),
-    ) -> InForce:
+    def in_force(self, subject: str, here: Entry | None = None, *, expected: Collection[str] = ()) -> InForce:
         """Return what is in force of an entry.
 
         Args:
             subject: subject of the entry.
-            statements: statements on it; by default those at this commit.
+            here: what its file says.
             expected: ids of statements that this reader has seen before.
         """
-        said = self.statements(subject) if statements is None else statements
+        said = self.statements(subject)
         there = {one.id: one for one in said}
         if gone := {*expected} - there.keys():
             return InForce(
@@ -118,7 +128,8 @@ class Book:
             return InForce(
                 problem=f"a statement on it is damaged: {broken[0].path} {broken[0].why}; git revert restores it"
             )
-        return in_force(self.rulebook, said)
+        content = Content.made(approved_of(here)) if here is not None else None
+        return in_force(self.rulebook, said, content)
 
     def label(self, subject: str) -> str | None:
         """Return the label in force of a unit; None if it has none, or two at the same time."""
@@ -156,31 +167,27 @@ class Evidence(Struct, frozen=True, kw_only=True):
 
 
 class Standing(Struct, frozen=True, kw_only=True):
-    """What is in force of an entry, beside its file at a commit.
+    """What is in force of an entry, and what its file says.
 
     Attributes:
-        data: file to read in place of the one in the tree; None if that one is in force.
-        remark: what differs, in words.
+        entries: what is in force, each for its own days, first that of no particular day; one that is retired, if
+            nothing is in force any more; none, if nothing ever was.
+        is_here: whether its file says the first of them.
+        is_proposed: whether its file says what too few people have approved.
         problem: why nobody can say what is in force; nothing is read then.
-        differs: whether the file says something else by hand, and not because a statement ends later than it says.
-        approvals: its approvals.
-        former: contents that were in use and are not retired, with the first day of a retirement.
+        approvals: those of the first entry.
     """
 
-    data: bytes | None = None
-    remark: str | None = None
+    entries: tuple[Entry, ...] = ()
+    is_here: bool = False
+    is_proposed: bool = False
     problem: str | None = None
-    differs: bool = False
     approvals: tuple[Evidence, ...] = ()
-    former: tuple[tuple[str, date | None], ...] = ()
 
-    def was_approved(self, entry: Entry) -> Entry | None:
-        """Return an earlier revision as it may be used today; None if it never was approved, or was retired."""
-        starts = dict(self.former)
-        content = content_of(entry)
-        if content not in starts:
-            return None
-        return until(replace(entry, status=Status.APPROVED), starts[content])
+    @property
+    def is_used(self) -> bool:
+        """Whether anything is in force, or was, or nobody can say."""
+        return bool(self.entries) or self.problem is not None
 
 
 def label_subject(path: str) -> str:
@@ -189,51 +196,60 @@ def label_subject(path: str) -> str:
     return LABELS + (unit.removeprefix(ROOT).rstrip("/") if unit is not None else id_of(path))
 
 
-def standing_of(
-    book: Book,
-    path: str,
-    stated: Entry | None,
-    found: InForce,
-    proposed: Entry | None = None,
-    *,
-    has_file: bool = True,
-) -> Standing:
+def standing_of(book: Book, path: str, file: Entry | InputError | None, found: InForce) -> Standing:
     """Return what readers get of an entry.
 
     Args:
-        book: the statements at the commit.
-        path: path of the entry in ``cameras/``.
-        stated: the entry in its file; None if that cannot be read.
+        book: the statements.
+        path: path of the entry.
+        file: what its file says, or why it cannot be read; None if there is no file.
         found: what the statements put in force of it.
-        proposed: the proposal for it, whose file shows what is approved until somebody moves it.
-        has_file: whether there is a file.
     """
-    ends = ((one.says, found.end_of(one)) for one in found.approved.values())
-    former = tuple((says, end) for says, end in ends if end != date.min)
+    stated, is_free = file if isinstance(file, Entry) else None, not book.rules.approvals.count
     try:
-        content = found.on()
-        entry = _approved(content, path) if content is not None else None
+        if is_free and isinstance(file, InputError):
+            return Standing(problem=str(file))
+        content, periods = found.on(), found.periods
+        made = {one.id: _approved(one, path) for one in found.approved.values()}
     except (RegistryError, InputError) as error:
         return Standing(problem=f"{path}: {error}")
-    if content is None or entry is None:
-        return _unapproved(stated, found, former)
-    is_here = stated is not None and content_of(stated) == content.says
-    is_proposed = proposed is not None and content_of(proposed) == content.says
-    approvals = sorted(found.approvals[content.id], key=lambda one: (one.body.made, one.id))
+    says = content_of(stated) if stated is not None else None
+    is_known = says in {one.says for one in found.approved.values()}
+    waits = says in {one.says for one in found.waiting.values()}
+    is_proposed = file is not None and (waits or not is_known)
+    label = book.label(label_subject(path))
+    if label is None and is_free and stated is not None:
+        label = stated.label
+
+    def said(one: Content, status: Status, reason: str | None) -> Entry:
+        entry = made[one.id]
+        free = stated or entry
+        notes = replace(entry.calibration, notes=free.notes)
+        return replace(entry, status=status, reason=reason, calibration=notes, tags=free.tags, label=label)
+
+    if content is None or not periods:
+        if not found.approved:
+            return Standing(is_proposed=is_proposed)
+        newest = [one for one in found.approved.values() if one.says == says]
+        last = max(newest or found.approved.values(), key=lambda one: (*one.rank, one.id))
+        ends = sorted(found.ends, key=lambda one: (one.body.made, one.id))
+        retired = said(last, Status.RETIRED, ends[-1].body.reason if ends else None)
+        return Standing(entries=(retired,), is_here=last.says == says, is_proposed=is_proposed)
+    approvals = sorted(found.approvals.get(content.id, ()), key=lambda one: (one.body.made, one.id))
     reason = next((one.body.reason for one in reversed(approvals) if one.body.reason), None)
-    base = stated if is_here else proposed if is_proposed else _described(entry, stated)
-    plain, label = _with_status(base or entry, Status.APPROVED, reason), book.label(label_subject(path))
-    plain = replace(plain, label=label) if label != plain.label else plain
-    entry = until(plain, found.end_of(content))
-    remark = None
-    if not is_here and not is_proposed and (has_file or proposed is None):
-        newer = "its file says something newer, which nothing that counts approves"
-        what = newer if stated is not None else UNREAD if has_file else "its file is gone"
-        remark = f"{what}: the last approved revision is used"
+    latest = sorted(periods, key=lambda period: period[0] or date.min, reverse=True)
+    ordered = sorted(latest, key=lambda period: period[2] is not content)
+    entries = [
+        replace(
+            said(one, Status.APPROVED, reason if one is content else None),
+            validity=Validity.between(first, last_day),
+        )
+        for first, last_day, one in ordered
+    ]
     return Standing(
-        data=entry_yaml(entry) if entry != stated else None,
-        remark=remark,
-        differs=stated is not None and plain != stated,
+        entries=tuple(entries),
+        is_here=ordered[0][2].says == says,
+        is_proposed=is_proposed,
         approvals=tuple(
             Evidence(
                 path=one.path,
@@ -244,7 +260,6 @@ def standing_of(
             )
             for one in approvals
         ),
-        former=former,
     )
 
 
@@ -256,50 +271,5 @@ def _approved(content: Content, path: str) -> Entry:
     """
     entry = entry_in(content.entry, path)
     if entry.path != path:
-        raise InputError(f"what is approved of it is of {entry.id}")
+        raise InputError(f"its camera belongs at {entry.path}")
     return entry
-
-
-def _described(entry: Entry, stated: Entry | None) -> Entry:
-    """Return an entry with what no approval covers, as its file says it."""
-    if stated is None:
-        return entry
-    notes = replace(entry.calibration, notes=stated.calibration.notes)
-    return replace(entry, calibration=notes, tags=stated.tags)
-
-
-def _unapproved(
-    stated: Entry | None, found: InForce, former: tuple[tuple[str, date | None], ...]
-) -> Standing:
-    status = Status.RETIRED if found.ends else Status.DRAFT
-    ends = sorted(found.ends, key=lambda one: (one.body.made, one.id))
-    reason = ends[-1].body.reason if ends else None
-    # A file that cannot be read stays what it is, so that its reader says why.
-    entry = _with_status(stated, status, reason) if stated is not None else None
-    data = entry_yaml(entry) if entry is not None and entry != stated else None
-    is_draft = status is Status.DRAFT and stated is not None and stated.status is not Status.DRAFT
-    return Standing(
-        data=data,
-        remark="nothing that counts approves it" if is_draft else None,
-        differs=data is not None,
-        former=former,
-    )
-
-
-def _with_status(entry: Entry, status: Status, reason: str | None) -> Entry:
-    """Return an entry with the status that is in force; a file of that status keeps its reason."""
-    if entry.status is status:
-        return entry
-    return replace(entry, status=status, reason=(reason or None) if status is not Status.DRAFT else None)
-
-
-def until(entry: Entry, start: date | None) -> Entry:
-    """Return an entry as it is before it is retired from a day on."""
-    if start is None:
-        return entry
-    first, last = (entry.validity.first, entry.validity.last) if entry.validity is not None else (None, None)
-    end = start - timedelta(days=1)
-    last = min(last, end) if last is not None else end
-    if first is not None and last < first:
-        return replace(entry, status=Status.RETIRED)
-    return replace(entry, validity=Validity(first=first, last=last))

@@ -1,6 +1,6 @@
 """Statements: small signed files in the tree of a registry that say what is approved or retired, and by whom.
 
-A statement is a file ``statements/<subject>/<day>-<action>-<who>-<32 hex>.json``: JSON, then the signature in the form
+A statement is a file ``events/<subject>/<day>-<action>-<who>-<32 hex>.json``: JSON, then the signature in the form
 of ssh-keygen. The digits are of the SHA-256 of the JSON. Files are only ever added, and never changed or moved. An
 approval holds the content that it approves, so that no change of another file takes it away. What they put in force
 does not depend on their order; see :mod:`calibrary.registry.in_force`.
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Mapping
 from datetime import date
 from typing import Any, Final, Literal
@@ -18,10 +19,10 @@ import msgspec
 from msgspec import Struct, field, structs
 
 from calibrary.errors import InputError
-from calibrary.records import Json, from_json, to_json
+from calibrary.records import Json, from_json, replace, to_json
 from calibrary.registry.configuration import RuleSet
 from calibrary.registry.entry import Entry, Status
-from calibrary.registry.paths import STATEMENTS, SUFFIX, slug
+from calibrary.registry.paths import EVENTS, SUFFIX, slug
 from calibrary.registry.sshsig import ARMOR, BadSignatureError, fingerprint, signed_by
 
 NAMESPACE: Final = "calibrary-statement-1"
@@ -29,7 +30,7 @@ RULES: Final = "rules"
 """Subject of the statements on who may approve."""
 FOUNDATION: Final = "found"
 LARGEST_STATEMENT: Final = 1 << 20
-FREE: Final = ("status", "reason", "label", "tags", "notes")
+FREE: Final = ("label", "tags", "notes")
 """Fields of an entry that an approval does not cover: they do not decide which K an image gets."""
 DIGITS: Final = 32
 
@@ -169,7 +170,7 @@ def entry_in(content: Mapping[str, Any], source: str) -> Entry:
     Raises:
         InputError: it is none.
     """
-    return from_json(Entry, {**content, "status": Status.APPROVED.value}, source=source)
+    return replace(from_json(Entry, dict(content), source=source), status=Status.APPROVED)
 
 
 def subject_of(path: str) -> str:
@@ -179,13 +180,24 @@ def subject_of(path: str) -> str:
 
 def subject_in(path: str) -> str:
     """Return the subject of a statement by its path."""
-    return path.removeprefix(STATEMENTS).rpartition("/")[0]
+    return path.removeprefix(EVENTS).rpartition("/")[0]
+
+
+def entry_path(path: str) -> str:
+    """Return the path of the entry that a statement is on, by the statement's path; any other path as it is."""
+    return f"{subject_in(path)}{SUFFIX}" if path.startswith(EVENTS) else path
+
+
+def action_in(path: str) -> str | None:
+    """Return what a statement does, by its path; None if it is no path of one."""
+    found = re.search(r"/\d{4}-\d\d-\d\d-([a-z]+)-[^/]*$", path)
+    return found[1] if found is not None else None
 
 
 def statement_path(body: Body) -> str:
     """Return the path of a statement."""
     name = f"{body.made[:10]}-{body.action}-{slug(body.person)}-{sha256(encoded(body))[:DIGITS]}{ENDING}"
-    return f"{STATEMENTS}{body.subject}/{name}"
+    return f"{EVENTS}{body.subject}/{name}"
 
 
 def encoded(body: Body) -> bytes:

@@ -1,9 +1,10 @@
-"""Making of statements: what a person puts on record with a change, signed with the key that git signs with here."""
+"""Changes of entries, and the making of statements: what a person puts on record with one, signed with their key."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from datetime import UTC, date, datetime
+from typing import Literal
 
 from msgspec import Struct, structs
 
@@ -11,8 +12,10 @@ from calibrary.errors import RegistryError
 from calibrary.records import to_json
 from calibrary.registry.configuration import RuleSet
 from calibrary.registry.entry import Entry
+from calibrary.registry.fields import FieldChange
+from calibrary.registry.git.objects import blob_id
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.git.writing import Change, Person, identity
+from calibrary.registry.git.writing import FileChange, Person, identity
 from calibrary.registry.in_force import Content, People, Rulebook, in_force, lost
 from calibrary.registry.snapshot import Snapshot
 from calibrary.registry.sshsig import Signer, fingerprint
@@ -20,7 +23,6 @@ from calibrary.registry.standing import Book, label_subject
 from calibrary.registry.statements import (
     NAMESPACE,
     RULES,
-    Action,
     Body,
     Broken,
     Signed,
@@ -34,21 +36,72 @@ from calibrary.registry.statements import (
     subject_of,
 )
 
+Action = Literal["add", "approve", "retire", "withdraw", "set"]
+"""What a person does: put a content into its file, approve one, retire or withdraw it, or set what is free of that."""
 
-class Act(Struct, frozen=True, kw_only=True):
-    """What a person does with an entry.
+
+class Change(Struct, frozen=True, kw_only=True):
+    """What a person does with an entry: from the flags to the check, the statement, the commit and the screen.
 
     Attributes:
-        action: approve, retire or label.
-        entry: the entry, with the label that it is to have.
-        start: first day of a retirement.
+        action: what it is.
+        before: the entry as it was; None if there is none, or it cannot be read.
+        after: the entry as it will be.
+        why: reason for it.
+        data: what its file will say; None if the file stays, or goes.
+        base: blob id of its file; the write fails with FileConflictError if it has changed.
+        seen: id of the content that is decided on; None if that is nobody's decision.
+        start: first day of a retirement of the days from then on.
+        fields: what differs between before and after; all of a new entry, none if nothing changes.
+        warnings: warnings for the user.
         brought: files of statements that come along, from the branch with the proposal.
+        formers: files that it takes the place of, whose comments and order of fields stay.
     """
 
     action: Action
-    entry: Entry
+    before: Entry | None
+    after: Entry
+    why: str | None = None
+    data: bytes | None = None
+    base: str | None = None
+    seen: str | None = None
     start: date | None = None
-    brought: tuple[Change, ...] = ()
+    fields: tuple[FieldChange, ...]
+    warnings: tuple[str, ...] = ()
+    brought: tuple[FileChange, ...] = ()
+    formers: tuple[bytes, ...] = ()
+
+    @property
+    def id(self) -> str:
+        """KEY of the entry."""
+        return self.after.id
+
+    @property
+    def path(self) -> str:
+        """Path of its file."""
+        return self.after.path
+
+    @property
+    def is_new(self) -> bool:
+        """Whether its camera had no entry."""
+        return self.before is None and self.base is None
+
+    @property
+    def digest(self) -> str | None:
+        """Id in git of its file afterwards, for ``approve --digest``; None if it goes."""
+        return blob_id(self.data) if self.data is not None else None if self.is_gone else self.base
+
+    @property
+    def is_gone(self) -> bool:
+        """Whether its file goes."""
+        return self.action == "withdraw" and self.data is None
+
+    @property
+    def files(self) -> tuple[FileChange, ...]:
+        """Changes of files, beside the statements."""
+        if self.data is None and not self.is_gone:
+            return ()
+        return (FileChange(path=self.path, data=self.data, base=self.base),)
 
 
 class Stated(Struct, frozen=True, kw_only=True):
@@ -60,7 +113,7 @@ class Stated(Struct, frozen=True, kw_only=True):
         warnings: warnings for the user.
     """
 
-    changes: tuple[Change, ...] = ()
+    changes: tuple[FileChange, ...] = ()
     missing: Mapping[str, str] = {}
     warnings: tuple[str, ...] = ()
 
@@ -68,7 +121,10 @@ class Stated(Struct, frozen=True, kw_only=True):
 class _Writer:
     """A person at this machine, who states under some rules."""
 
-    def __init__(self, repo: Repository, people: People, author: Person | None) -> None:
+    def __init__(
+        self, repo: Repository, people: People, author: Person | None, now: datetime | None = None
+    ) -> None:
+        self._now = now
         self.person = author or identity(repo)[0]
         self._signer = Signer(repo.setting("user.signingkey")) if people.rules.is_signed else None
         self.name: str | None = self.person.name
@@ -93,20 +149,20 @@ class _Writer:
         if (problem := self.problem) is not None:
             raise RegistryError(f"nothing was written: {problem}")
 
-    def made(self, body: Body) -> tuple[Change, Signed]:
+    def made(self, body: Body) -> tuple[FileChange, Signed]:
         """Return the file of a statement, and the statement as a reader sees it."""
         body = structs.replace(
             body,
             person=self.name or self.person.name,
             email=self.person.email,
-            made=datetime.now(UTC).isoformat(timespec="seconds"),
+            made=(self._now or datetime.now(UTC)).isoformat(timespec="seconds"),
         )
         armored = self._signer.sign(encoded(body), NAMESPACE) if self._signer is not None else ""
         data, path = statement_bytes(body, armored), statement_path(body)
         read = parse_statement(path, data)
         if isinstance(read, Broken):
             raise RegistryError(f"nothing was written: the statement {read.why}")
-        return Change(path=path, data=data), read
+        return FileChange(path=path, data=data), read
 
 
 def _of_book(book: Book, **members: object) -> Body:
@@ -114,66 +170,75 @@ def _of_book(book: Book, **members: object) -> Body:
 
 
 def stated(
-    snapshot: Snapshot, acts: Sequence[Act], reason: str | None, *, author: Person | None = None
+    snapshot: Snapshot,
+    changes: Sequence[Change],
+    *,
+    author: Person | None = None,
+    now: datetime | None = None,
 ) -> Stated:
-    """Make the statements of a change; nothing is written.
+    """Make the statements of changes; nothing is written.
 
     Args:
         snapshot: state to which they are added.
-        acts: what is done with each entry.
-        reason: why.
+        changes: what is done with each entry.
         author: who does it; by default git's user.
+        now: when; by default now.
 
     Raises:
         RegistryError: what this person states would not count, or cannot be signed.
     """
     repo, _ = snapshot.require_git("has no statements")
     book = snapshot.book
-    writer = _Writer(repo, book.rulebook.people, author)
-    changes, missing, warnings = [], dict[str, str](), []
+    writer = _Writer(repo, book.rulebook.people, author, now)
+    files, missing, warnings = [], dict[str, str](), []
     known: dict[str, list[Signed | Broken]] = {}
-    labels = {label_subject(act.entry.path): act.entry.label for act in acts}
-    for act in acts:
-        if act.action == "label":
+    for one in changes:
+        if one.action not in {"approve", "retire"}:
             continue
         writer.require()
-        subject = subject_of(act.entry.path)
+        subject = subject_of(one.path)
         there = known.setdefault(subject, [*book.statements(subject)])
-        own = {one.id for one in there}
-        come = [one for one in act.brought if id_in(one.path) not in own]
-        there += [parse_statement(one.path, one.data or b"") for one in come]
-        changes += come
-        change, made = writer.made(_body(book, act, there, reason))
+        own = {said.id for said in there}
+        come = [said for said in one.brought if id_in(said.path) not in own]
+        there += [parse_statement(said.path, said.data or b"") for said in come]
+        files += come
+        file, made = writer.made(_body(snapshot, one, there))
         there.append(made)
-        if act.action == "approve" and (lacking := _lacking(book, act, there, made)) is not None:
-            missing[act.entry.id] = lacking
+        if one.action == "approve" and (lacking := _lacking(book, one.id, there, made)) is not None:
+            missing[one.id] = lacking
         # Who says the same again within a second has said it.
-        changes += [change] if made.id not in own else []
-    for subject, label in labels.items():
-        if label == book.label(subject):
+        files += [file] if made.id not in own else []
+    labels = {label_subject(one.path): one for one in changes if one.action in {"approve", "set"}}
+    for subject, one in labels.items():
+        if (label := one.after.label) == book.label(subject):
             continue
         if writer.problem is not None:
             warnings.append(f"the label {label or 'of it'} is not in force: {writer.problem}")
             continue
-        over = tuple(one.id for one in book.statements(subject))
-        body = _of_book(book, action="label", subject=subject, over=over, label=label or "", reason=reason)
-        changes.append(writer.made(body)[0])
-    return Stated(changes=tuple(changes), missing=missing, warnings=tuple(warnings))
+        over = tuple(said.id for said in book.statements(subject))
+        body = _of_book(book, action="label", subject=subject, over=over, label=label or "", reason=one.why)
+        files.append(writer.made(body)[0])
+    return Stated(changes=tuple(files), missing=missing, warnings=tuple(warnings))
 
 
-def _body(book: Book, act: Act, there: Sequence[Signed | Broken], reason: str | None) -> Body:
+def _body(snapshot: Snapshot, one: Change, there: Sequence[Signed | Broken]) -> Body:
     """Return what is stated; who approves what another has approved before states the same."""
-    subject, said = subject_of(act.entry.path), act.entry.reason if reason is None else reason
-    if act.action == "retire":
-        return _of_book(book, action="retire", subject=subject, start=act.start, reason=said)
-    found = in_force(book.rulebook, there)
-    content, says = approved_of(act.entry), content_of(act.entry)
+    book, subject = snapshot.book, subject_of(one.path)
+    file = snapshot.file(one.path)
+    found = in_force(book.rulebook, there, Content.made(approved_of(file)) if file is not None else None)
+    if one.action == "retire":
+        # Where nobody approves, it ends what is there now: what is written later says nothing of it.
+        contents = tuple(sorted(found.approved)) if not book.rules.approvals.count else None
+        return _of_book(
+            book, action="retire", subject=subject, contents=contents, start=one.start, reason=one.why
+        )
+    content, says = approved_of(one.after), content_of(one.after)
     # All of them, so that one of another branch that is given up leaves no gap.
-    replaces = {one.id for one in found.approved.values() if one.says != says}
-    restores = {one.id for one in found.ends}
-    for one in sorted((*found.waiting.values(), *found.heads()), key=lambda one: one.id):
-        if one.says == says and replaces <= {*one.replaces} and restores <= {*one.restores}:
-            replaces, restores = {*one.replaces}, {*one.restores}
+    replaces = {each.id for each in found.approved.values() if each.says != says}
+    restores = {each.id for each in found.ends}
+    for each in sorted((*found.waiting.values(), *found.heads()), key=lambda each: each.id):
+        if each.says == says and replaces <= {*each.replaces} and restores <= {*each.restores}:
+            replaces, restores = {*each.replaces}, {*each.restores}
             break
     return _of_book(
         book,
@@ -182,13 +247,13 @@ def _body(book: Book, act: Act, there: Sequence[Signed | Broken], reason: str | 
         content=content,
         replaces=tuple(sorted(replaces)),
         restores=tuple(sorted(restores)),
-        reason=said,
+        reason=one.why,
     )
 
 
-def brought(snapshot: Snapshot, source: Snapshot, entry: Entry) -> tuple[Change, ...]:
+def brought(snapshot: Snapshot, source: Snapshot, entry: Entry) -> tuple[FileChange, ...]:
     """Return the files of another branch that say who proposed or approved an entry, and that this state lacks."""
-    if source.commit == snapshot.commit or not (snapshot.is_stated and source.is_stated):
+    if source.commit == snapshot.commit:
         return ()
     repo, commit = source.require_git("has no statements")
     book, subject = snapshot.book, subject_of(entry.path)
@@ -203,7 +268,7 @@ def brought(snapshot: Snapshot, source: Snapshot, entry: Entry) -> tuple[Change,
         and book.rulebook.why_not(one) is None
     ]
     files = ((path, repo.read(commit, path)) for path in paths)
-    return tuple(Change(path=path, data=file.data) for path, file in files if file is not None)
+    return tuple(FileChange(path=path, data=file.data) for path, file in files if file is not None)
 
 
 def who_states(repo: Repository, people: People) -> tuple[Person, str | None]:
@@ -212,7 +277,7 @@ def who_states(repo: Repository, people: People) -> tuple[Person, str | None]:
     return writer.person, writer.name
 
 
-def _lacking(book: Book, act: Act, statements: Sequence[Signed | Broken], made: Signed) -> str | None:
+def _lacking(book: Book, id_: str, statements: Sequence[Signed | Broken], made: Signed) -> str | None:
     """Return what an entry lacks with an approval that was just made; None if it is in force.
 
     Raises:
@@ -220,7 +285,7 @@ def _lacking(book: Book, act: Act, statements: Sequence[Signed | Broken], made: 
     """
     people, content = book.rulebook.people, Content.of(made.body)
     rule, person = people.rules.approvals, made.body.person
-    refused = f"nothing was written: {act.entry.id}: "
+    refused = f"nothing was written: {id_}: "
     if not people.may_approve(made):
         raise RegistryError(
             f"{refused}{person} <{made.body.email}> is not among those who approve by registry.yaml"
@@ -283,19 +348,23 @@ def state_rules(snapshot: Snapshot, rules: RuleSet, reason: str | None) -> State
     return Stated(changes=(change,), missing=missing)
 
 
-def founded(repo: Repository, rules: RuleSet) -> tuple[Change, ...]:
+def founded(
+    repo: Repository, rules: RuleSet, *, author: Person | None = None, now: datetime | None = None
+) -> tuple[FileChange, ...]:
     """Make the files that found a registry on statements.
 
     Args:
         repo: repository of the registry.
         rules: rules that are in force from now on.
+        author: who does it; by default git's user.
+        now: when; by default now.
 
     Raises:
         RegistryError: the rules cannot be in force, or no key of the registry's people signs here.
     """
     if (problem := rules.problem) is not None:
         raise RegistryError(f"nothing was written: registry.yaml: {problem}")
-    writer = _Writer(repo, People(rules=rules), None)
+    writer = _Writer(repo, People(rules=rules), author, now)
     writer.require()
     body = Body(action="found", subject=RULES, terms=to_json(rules), person="", made="")
     return (writer.made(body)[0],)

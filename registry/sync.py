@@ -13,31 +13,27 @@ from calibrary.errors import InputError, RegistryError
 from calibrary.records import Meta, Record, replace
 from calibrary.registry.cache import Memory
 from calibrary.registry.entry import Entry
-from calibrary.registry.entry_yaml import combined, parse_entry
+from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.fields import Field, entry_fields
 from calibrary.registry.git import remotes
 from calibrary.registry.git.errors import Conflict, FileConflictError, NoBranchError, RewrittenError
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.program import check_url, without_secret
-from calibrary.registry.git.remotes import Pulled, Removed, set_remote
+from calibrary.registry.git.remotes import Removed, set_remote
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.git.writing import Change
 from calibrary.registry.paths import (
-    CAMERAS,
-    PROPOSALS,
-    STATEMENTS,
+    EVENTS,
     find_paths,
     id_of,
-    in_use_path,
     single_match,
 )
-from calibrary.registry.proposals import Note, write_changes
+from calibrary.registry.proposals import message_of, write_changes
 from calibrary.registry.registry import open_snapshot
-from calibrary.registry.snapshot import Snapshot
 from calibrary.registry.statements import content_of, id_in, subject_of
-from calibrary.registry.stating import Act, stated
+from calibrary.registry.stating import Action, Change, stated
 
 DEFAULT: Final = "origin"
+CHOSEN: Final = "both sides had changed it"
 
 
 class FieldConflict(Record):
@@ -121,7 +117,7 @@ class SyncReport(Record, tag_field="schema", tag="calibrary/registry-sync-1"):
 def pull(
     repo: Repository, remote: str = DEFAULT, sides: Sides | None = None, removed: Removed | None = None
 ) -> SyncReport:
-    """Pull, and use the chosen side for entries that both sides changed.
+    """Pull; of an entry whose file both sides changed, the chosen version stays. No statement is in conflict.
 
     Args:
         repo: repository of the registry.
@@ -134,44 +130,38 @@ def pull(
     Raises:
         RegistryError: the remote cannot be reached.
     """
+    chosen: dict[str, Literal["ours", "theirs"]] = {}
+    while True:
+        try:
+            done = remotes.pull(repo, remote, chosen=chosen, removed=removed)
+        except RewrittenError as error:
+            return _rewritten(remote, error)
+        except FileConflictError as error:
+            known, chosen = chosen, chosen | _chosen(repo, error.conflicts, sides or Sides())
+            if chosen == known or any(one.path not in chosen for one in error.conflicts):
+                return SyncReport(remote=remote, conflicts=tuple(map(_entry_conflict, error.conflicts)))
+        else:
+            _forget(repo, done.before, done.commit)
+            commit = _state_choices(repo, [*chosen]) or done.commit
+            return SyncReport(remote=remote, **asdict(replace(done, commit=commit)))
 
-    def pulled_now() -> Pulled:
-        done = remotes.pull(repo, remote, combine=combined, removed=removed)
-        _forget(repo, done.before, done.commit)
-        return done
 
+def _state_choices(repo: Repository, paths: Sequence[str]) -> str | None:
+    """Put in force what the chosen files say, where both sides stated something; the commit, None if all is."""
+    snapshot, changes = open_snapshot(repo.path), list[Change]()
+    for path in paths:
+        if (entry := snapshot.file(path)) is not None:
+            heads = snapshot.book.in_force(subject_of(path), entry).heads()
+            is_torn = len(heads) > 1 and content_of(entry) in {one.says for one in heads}
+            what: Action = "approve" if is_torn else "set"
+            changes.append(Change(action=what, before=None, after=entry, why=CHOSEN, fields=()))
     try:
-        return SyncReport(remote=remote, **asdict(pulled_now()))
-    except RewrittenError as error:
-        return _rewritten(remote, error)
-    except FileConflictError as error:
-        decided = _decided(repo, error.conflicts, sides or Sides())
-        if decided is None:
-            return SyncReport(remote=remote, conflicts=tuple(map(_entry_conflict, error.conflicts)))
-    before = repo.tip()
-    conflicts = [conflict for conflict, _ in decided]
-    # Set the local entries to the remote's version first, so that the pull finds no conflict; then write the chosen
-    # local version as a change of the remote's.
-    _take_theirs(repo, conflicts)
-    try:
-        pulled = SyncReport(remote=remote, **asdict(pulled_now()))
-    except BaseException:
-        _write_ours(repo, conflicts, Note(subject="Restore our entries: the pull failed"))
-        raise
-    kept = [conflict for conflict, is_ours in decided if is_ours]
-    try:
-        commit = _keep_ours(repo, kept) if kept else pulled.commit
-    except RegistryError as error:
-        raise RegistryError(
-            f"pulled, but our version was not written; it is in commit {before}: {error}"
-        ) from None
-    labelled = _state_choices(repo, conflicts)
-    return replace(
-        pulled,
-        before=before,
-        commit=labelled or commit,
-        replayed=pulled.replayed + bool(kept) + (labelled is not None),
-    )
+        made = stated(snapshot, changes).changes
+    except RegistryError:
+        # Who may not approve leaves it to those who may: until then the entry is refused, and says so.
+        made = stated(snapshot, [one for one in changes if one.action == "set"]).changes
+    entries = [one.after for one in changes]
+    return write_changes(repo, made, message_of("State what was chosen", entries)).commit if made else None
 
 
 def _rewritten(remote: str, error: RewrittenError) -> SyncReport:
@@ -183,35 +173,9 @@ def _forget(repo: Repository, before: str | None, now: str | None) -> None:
     """Forget the statements that were given up: readers refuse an entry of which one was there before and is gone."""
     if before is None or now is None or before == now:
         return
-    gone = repo.listing(before, STATEMENTS).keys() - repo.listing(now, STATEMENTS).keys()
+    gone = repo.listing(before, EVENTS).keys() - repo.listing(now, EVENTS).keys()
     if gone:
         Memory(repo).give_up(now, repo.head_ref or "HEAD", map(id_in, gone))
-
-
-def _state_choices(repo: Repository, conflicts: Sequence[Conflict]) -> str | None:
-    """Put in force what the chosen version of each entry says; the commit, None if all is."""
-    snapshot = open_snapshot(repo.path)
-    if not snapshot.is_stated:
-        return None
-    here = [one.path for one in conflicts if snapshot.paths.get(one.path) is not None]
-    chosen = [one for path in here if (one := _entry(snapshot.committed(path), path)) is not None]
-    why = "both sides had changed it"
-    acts = [Act(action="approve" if _is_torn(snapshot, one) else "label", entry=one) for one in chosen]
-    try:
-        made = stated(snapshot, acts, why).changes
-    except RegistryError:
-        # Who may not approve leaves it to those who may: until then the entry is refused, and says so.
-        made = stated(snapshot, [Act(action="label", entry=one) for one in chosen], why).changes
-    if not made:
-        return None
-    cameras = [one.id for one in chosen]
-    return write_changes(repo, made, Note(subject="State what was chosen", cameras=cameras)).commit
-
-
-def _is_torn(snapshot: Snapshot, entry: Entry) -> bool:
-    """Whether an entry is one of several contents that were approved at the same time."""
-    heads = snapshot.book.in_force(subject_of(entry.path)).heads()
-    return len(heads) > 1 and content_of(entry) in {one.says for one in heads}
 
 
 def propose(repo: Repository, remote: str = DEFAULT) -> SyncReport:
@@ -319,70 +283,33 @@ def _entry_conflict(conflict: Conflict) -> EntryConflict:
     return EntryConflict(path=conflict.path, id=id_of(conflict.path), removed=removed, fields=fields)
 
 
-def _decided(
+def _chosen(
     repo: Repository, conflicts: Sequence[Conflict], sides: Sides
-) -> list[tuple[Conflict, bool]] | None:
-    """Return each conflict, and whether the local side is chosen; None if one is undecided.
+) -> dict[str, Literal["ours", "theirs"]]:
+    """Return which side counts of the files in conflict, as far as that is decided.
 
     Raises:
         RegistryError: an entry was named for both sides, or has no conflict.
     """
     paths = [conflict.path for conflict in conflicts]
-    ours, theirs = (_chosen(repo, paths, keys) for keys in (sides.ours, sides.theirs))
+    ours, theirs = (_named(repo, paths, keys) for keys in (sides.ours, sides.theirs))
     if both := ours & theirs:
         raise RegistryError(f"{id_of(min(both))} is named for both --ours and --theirs; choose one")
-    if ours | theirs != set(paths):
-        return None
-    return [(conflict, conflict.path in ours) for conflict in conflicts]
+    return {**dict.fromkeys(ours, "ours"), **dict.fromkeys(theirs, "theirs")}
 
 
-def _chosen(repo: Repository, paths: Collection[str], keys: Sequence[str]) -> set[str]:
+def _named(repo: Repository, paths: Collection[str], keys: Sequence[str]) -> set[str]:
     """Return the paths that KEYs name, also by the label or serial number of a unit.
 
     Raises:
         RegistryError: a KEY names none of them, or several.
     """
-    used = {in_use_path(path): path for path in paths}
     found = {*paths} if "all" in keys else set[str]()
     for key in keys:
-        if key == "all":
-            continue
-        named = find_paths(paths, key)
-        named = named or [used[path] for path in open_snapshot(repo.path).of_unit(used, key)]
-        found.add(single_match(named, paths, key))
+        if key != "all":
+            named = find_paths(paths, key) or open_snapshot(repo.path).of_unit(paths, key)
+            found.add(single_match(named, paths, key))
     return found
-
-
-def _take_theirs(repo: Repository, conflicts: Collection[Conflict]) -> None:
-    """Commit the remote's version locally; nothing of this commit is left after the replay."""
-    tip = repo.tip()
-    current = repo.listing(tip, CAMERAS, PROPOSALS) if tip is not None else {}
-    changes = [
-        Change(path=one.path, data=one.theirs, base=current.get(one.path))
-        for one in conflicts
-        if one.path in current or one.theirs is not None
-    ]
-    cameras = [id_of(one.path) for one in conflicts]
-    write_changes(repo, changes, Note(subject="Take their entries before pulling", cameras=cameras))
-
-
-def _keep_ours(repo: Repository, conflicts: Sequence[Conflict]) -> str:
-    cameras = [id_of(one.path) for one in conflicts]
-    whose = cameras[0] if len(cameras) == 1 else f"{len(cameras)} cameras"
-    note = Note(
-        subject=f"Keep ours of {whose}", reason="both sides had changed it; ours was chosen", cameras=cameras
-    )
-    return _write_ours(repo, conflicts, note)
-
-
-def _write_ours(repo: Repository, conflicts: Sequence[Conflict], note: Note) -> str:
-    """Write the local version of entries as a change of the remote's."""
-    changes = [
-        Change(path=one.path, data=one.ours, base=one.theirs_oid)
-        for one in conflicts
-        if one.ours is not None or one.theirs is not None
-    ]
-    return write_changes(repo, changes, note).commit
 
 
 def _fields(data: bytes | None, path: str) -> dict[str, Field] | None:

@@ -391,7 +391,7 @@ class TestTheFallbacks:
         entry = tmp_path / "registry/cameras/dji/fc6310r/5472x3648.yaml"
         entry.parent.mkdir(parents=True)
         entry.write_text(
-            "schema: calibrary/entry-1\nstatus: approved\n"
+            "schema: calibrary/entry-1\n"
             "camera: {make: DJI, model: FC6310R, image_size: [5472, 3648]}\n"
             "intrinsics: {pixel_origin: corner, fx: 3661.25, fy: 3655.5, cx: 2731.0, cy: 1846.0}\n"
             "distortion: {model: brown, k1: -0.26, k2: 0.11, p1: 0.0, p2: 0.0, k3: -0.03}\n"

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import TypeAlias
+from collections.abc import Sequence
 
 from msgspec import Struct
 
@@ -28,20 +27,10 @@ class Conflict(Struct, frozen=True, kw_only=True):
     theirs: bytes | None
     theirs_oid: str | None
 
-    def combined(self, combine: Combine | None) -> bytes | None:
-        """Return one content of both changes; None if a side removed or added the file, or they contradict."""
-        if combine is None or self.base is None or self.ours is None or self.theirs is None:
-            return None
-        return combine(self.path, self.base, self.ours, self.theirs)
-
     def __str__(self) -> str:
         if self.base_oid is None:
             return f"{self.path} was added by another writer"
         return f"{self.path} was {'removed' if self.theirs is None else 'changed'} by another writer"
-
-
-Combine: TypeAlias = Callable[[str, bytes, bytes, bytes], bytes | None]
-"""Content of a file that two writers changed, from its path, the common content, ours and theirs; None: a conflict."""
 
 
 class Withdrawn(Struct, frozen=True, kw_only=True):

@@ -18,7 +18,6 @@ from calibrary.registry.git.objects import HEX, REGULAR, Blob, Member
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.git.writing import Person, subject_of, trailers_of
 
-MOVED_FROM = "Moved-From"
 SOURCE_FILE = "Source-File"
 SOURCE_SHA256 = "Source-Sha256"
 FIELDS = ("%H", "%P", "%an", "%ae", "%ad", "%cn", "%ce", "%cd", "%B")
@@ -41,12 +40,13 @@ LOG = (
 
 
 class Revision(Struct, frozen=True, kw_only=True):
-    """A commit that changed a file.
+    """A commit that changed a file, or others beside it.
 
     Attributes:
-        path: name of the file at that time; an entry may have moved since.
-        oid: id of the content; ``None`` if this commit removed the file.
+        path: the file.
+        oid: id of its content then; ``None`` if it was not there.
         authored: original time of the change; ``committed`` is the time of this commit.
+        beside: the other files asked for that it changed; of a merge none are known.
     """
 
     commit: str
@@ -58,6 +58,7 @@ class Revision(Struct, frozen=True, kw_only=True):
     committer: Person
     committed: datetime
     message: str
+    beside: tuple[str, ...] = ()
 
     @property
     def subject(self) -> str:
@@ -79,9 +80,9 @@ class ChangedFile(Struct, frozen=True, kw_only=True):
 
 
 def history(
-    repo: Repository, path: str | None, at: str, *, most: int | None = None, saying: str | None = None
+    repo: Repository, path: str | None, at: str, *, most: int | None = None, beside: str | None = None
 ) -> tuple[Revision, ...]:
-    """Return all revisions of a file up to a commit, newest first, following moves stated in a trailer.
+    """Return all revisions of a file up to a commit, newest first.
 
     In a shallow clone it ends at the boundary (``repo.is_shallow``), where a file looks as if it had been added.
 
@@ -90,39 +91,46 @@ def history(
         path: the file; ``None`` for all commits, without contents.
         at: 40 hex digits, or a range of two with ``..``.
         most: largest number of revisions.
-        saying: only commits with a message that contains this text.
+        beside: a folder whose changes count as well.
     """
     limit = (f"--max-count={most}",) if most is not None else ()
-    if saying is not None:
-        limit = (*limit, "--fixed-strings", f"--grep={saying}")
-    where = ("--", path) if path is not None else ()
-    revisions = [
-        _revision(fields, path, _content(repo, fields[0], files, path) if path is not None else None)
+    where = ("--", path, *((beside,) if beside is not None else ())) if path is not None else ()
+    return tuple(
+        _revision(
+            fields,
+            path,
+            _content(repo, fields[0], files, path) if path is not None else None,
+            tuple(name for name, _ in _contents(files) if name != path),
+        )
         for fields, files in _logged(repo, *limit, at, *where)
-    ]
-    if path is None or not revisions or (most is not None and len(revisions) >= most):
-        return tuple(revisions)
-    rest = most - len(revisions) if most is not None else None
-    return (*revisions, *_before_the_move(repo, revisions[-1], path, rest))
+    )
 
 
-def histories(repo: Repository, at: str) -> dict[str, tuple[Revision, ...]] | None:
+def histories(
+    repo: Repository, at: str, beside: Callable[[str], str]
+) -> dict[str, tuple[Revision, ...]] | None:
     """Return all revisions of every file, by path, as :func:`history` lists them, from a single pass over the commits.
 
     None if the history contains merges: git then decides for each file separately which side's commits count. Files
     with names that git prints in quotes are omitted.
+
+    Args:
+        repo: the repository.
+        at: 40 hex digits.
+        beside: returns the path of the file that a path lies beside, or the path itself.
     """
     if repo.run("rev-list", "--merges", "--max-count=1", at).out.strip():
         return None
     found: dict[str, list[Revision]] = {}
-    for fields, files in _logged(repo, at):
-        for path, oid in _contents(files):
-            found.setdefault(path, []).append(_revision(fields, path, oid))
-    return {
-        path: (*revisions, *_before_the_move(repo, revisions[-1], path, None))
-        for path, revisions in found.items()
-        if not path.startswith('"')
-    }
+    for fields, files in reversed(_logged(repo, at)):
+        changed: dict[str, dict[str, str | None]] = {}
+        for name, oid in _contents(files):
+            changed.setdefault(beside(name), {})[name] = oid
+        for path, own in changed.items():
+            before = found.setdefault(path, [])
+            oid = own[path] if path in own else before[-1].oid if before else None
+            before.append(_revision(fields, path, oid, tuple(name for name in own if name != path)))
+    return {path: tuple(reversed(those)) for path, those in found.items() if not path.startswith('"')}
 
 
 def _logged(repo: Repository, *what: str) -> list[tuple[list[str], str]]:
@@ -144,7 +152,7 @@ def _logged(repo: Repository, *what: str) -> list[tuple[list[str], str]]:
     return logged
 
 
-def _revision(fields: list[str], path: str | None, oid: str | None) -> Revision:
+def _revision(fields: list[str], path: str | None, oid: str | None, beside: tuple[str, ...] = ()) -> Revision:
     commit, parents, author, author_mail, authored, committer, committer_mail, committed, message = fields
     return Revision(
         commit=commit,
@@ -156,6 +164,7 @@ def _revision(fields: list[str], path: str | None, oid: str | None) -> Revision:
         committer=Person(name=committer, email=committer_mail),
         committed=_moment(committed),
         message=message,
+        beside=beside,
     )
 
 
@@ -175,15 +184,6 @@ def _contents(files: str) -> Iterator[tuple[str, str | None]]:
             what, _, path = line.partition("\t")
             _, mode, _, oid, _ = what.removeprefix(":").encode().split()
             yield path, _there(mode, oid)
-
-
-def _before_the_move(repo: Repository, first: Revision, path: str, most: int | None) -> tuple[Revision, ...]:
-    """Return the revisions of the file under its earlier name, if its first commit states one."""
-    names = [value.partition(" => ") for key, value in first.trailers if key == MOVED_FROM]
-    earlier = next((old for old, _, new in names if new == path and old != path), None)
-    if earlier is None or not first.parents:
-        return ()
-    return history(repo, earlier, first.parents[0], most=most)
 
 
 def _moment(raw: str) -> datetime:

@@ -3,7 +3,7 @@
 A remote is accessed by its address, never by its name, so that nothing else in its section of the configuration
 (helpers, programs of the other side) is used. A pull never merges text: local commits are repeated on top of the
 remote's, each change is checked against the content it started from, and an entry changed on both sides is a conflict,
-unless the caller makes one of the two.
+unless the caller says which side counts.
 """
 
 from __future__ import annotations
@@ -11,19 +11,18 @@ from __future__ import annotations
 import re
 import shutil
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Literal, TypeAlias
+from types import MappingProxyType
+from typing import Final, Literal, TypeAlias
 from urllib.parse import quote, urlsplit
 
 from msgspec import Struct
-from msgspec.structs import replace
 
 from calibrary.errors import ConflictError, RegistryError
 from calibrary.progress import log
 from calibrary.registry.git.errors import (
-    Combine,
     Conflict,
     FileConflictError,
     NoBranchError,
@@ -33,7 +32,6 @@ from calibrary.registry.git.errors import (
 )
 from calibrary.registry.git.history import ChangedFile, Revision, changed, common_ancestor, history
 from calibrary.registry.git.locks import backoff, writer_lock
-from calibrary.registry.git.objects import blob_id
 from calibrary.registry.git.program import (
     Output,
     check_branch,
@@ -80,6 +78,9 @@ FETCH_OPTIONS = ("--upload-pack=git-upload-pack", "--no-recurse-submodules", "--
 
 Removed: TypeAlias = Literal["drop", "keep"]
 """What becomes of commits that a remote had and no longer has."""
+Chosen: TypeAlias = Mapping[str, Literal["ours", "theirs"]]
+"""Which version counts of files that both sides changed, by their paths."""
+UNDECIDED: Final[Chosen] = MappingProxyType({})
 
 
 class Pulled(Struct, frozen=True, kw_only=True):
@@ -225,7 +226,7 @@ def pull(
     name: str = "origin",
     *,
     branch: str | None = None,
-    combine: Combine | None = None,
+    chosen: Chosen = UNDECIDED,
     removed: Removed | None = None,
 ) -> Pulled:
     """Update a branch from a remote: fast-forward if possible, else repeat the local commits on top of the remote's.
@@ -234,7 +235,7 @@ def pull(
         repo: the repository.
         name: name of the remote.
         branch: branch to update; by default the one that is checked out.
-        combine: makes one content of two changes of a file; by default they are a conflict.
+        chosen: which version counts of files that both sides changed; of any other they are a conflict.
         removed: what becomes of commits that the remote had and no longer has; None refuses if there are any.
 
     Raises:
@@ -248,7 +249,7 @@ def pull(
     if theirs is None:
         short = ref.removeprefix("refs/heads/")
         raise NoBranchError(f"{repo.path}: {name} has no branch {short}")
-    pulled = _pull(repo, name, ref, theirs, gone, combine=combine, removed=removed)
+    pulled = _pull(repo, name, ref, theirs, gone, chosen=chosen, removed=removed)
     repo.run("update-ref", _exchanged(name, ref), theirs)
     return pulled
 
@@ -276,7 +277,7 @@ def _pull(
     theirs: str,
     gone: str | None,
     *,
-    combine: Combine | None,
+    chosen: Chosen,
     removed: Removed | None,
 ) -> Pulled:
     """Put a branch on top of the remote's, which no longer has ``gone``."""
@@ -293,7 +294,7 @@ def _pull(
                 return Pulled(before=ours, commit=ours, theirs=theirs, replayed=0)
             base = common_ancestor(repo, ours, theirs)
             without = gone if removed == "drop" else None
-            steps, warnings = ours_on_theirs(repo, ours, theirs, combine=combine, without=without)
+            steps, warnings = ours_on_theirs(repo, ours, theirs, chosen=chosen, without=without)
             move = partial(_move, repo, ref, ours, theirs, steps)
             # Dropped commits have changed files that theirs has not.
             starts = {base, ours} if gone is not None else {base}
@@ -505,7 +506,7 @@ def ours_on_theirs(
     ours: str | None,
     theirs: str,
     *,
-    combine: Combine | None = None,
+    chosen: Chosen = UNDECIDED,
     without: str | None = None,
 ) -> tuple[list[Step], tuple[str, ...]]:
     """Return the local commits that the remote lacks, as steps on top of the remote's, and warnings.
@@ -517,7 +518,7 @@ def ours_on_theirs(
         repo: the repository.
         ours: local commit.
         theirs: the remote's commit.
-        combine: makes one content of two changes of a file.
+        chosen: which version counts of files that both sides changed.
         without: leaves out this commit and those before it.
 
     Raises:
@@ -532,7 +533,6 @@ def ours_on_theirs(
     final = repo.listing(ours)
     steps: list[Step] = []
     conflicts: dict[str, Conflict] = {}
-    made: dict[str, bytes] = {}
     for revision, files in _own_commits(repo, ours, theirs, without):
         due = []
         for file in files:
@@ -541,16 +541,18 @@ def ours_on_theirs(
             if now == file.after or file.path in conflicts:
                 continue
             if now != file.before:
-                if now == final.get(file.path):
+                if now == final.get(file.path) or chosen.get(file.path) == "theirs":
                     continue
-                one = _conflict(repo, file, file.after, now, made.get(file.path))
-                both = one.combined(combine)
-                if both is None:
-                    conflicts[file.path] = replace(one, ours=_data(repo, final.get(file.path)))
+                if file.path not in chosen:
+                    conflicts[file.path] = Conflict(
+                        path=file.path,
+                        base_oid=file.before,
+                        base=_data(repo, file.before),
+                        ours=_data(repo, final.get(file.path)),
+                        theirs=_data(repo, now),
+                        theirs_oid=now,
+                    )
                     continue
-                current[file.path], made[file.path] = blob_id(both), both
-                due += [File(path=file.path, data=both)] if blob_id(both) != now else []
-                continue
             current[file.path] = file.after
             due.append(File(path=file.path, data=_data(repo, file.after)))
         if due:
@@ -582,20 +584,6 @@ def _own_commits(
             )
         parent = revision.parents[0] if revision.parents else None
         yield revision, changed(repo, parent, revision.commit)
-
-
-def _conflict(
-    repo: Repository, file: ChangedFile, ours: str | None, theirs: str | None, made: bytes | None
-) -> Conflict:
-    """Return a conflict; ``made`` is their content if it is not in the repository yet."""
-    return Conflict(
-        path=file.path,
-        base_oid=file.before,
-        base=_data(repo, file.before),
-        ours=_data(repo, ours),
-        theirs=made if made is not None else _data(repo, theirs),
-        theirs_oid=theirs,
-    )
 
 
 def _data(repo: Repository, oid: str | None) -> bytes | None:

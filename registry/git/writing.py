@@ -29,7 +29,7 @@ from msgspec import Struct
 
 from calibrary.errors import RegistryError, first_of
 from calibrary.progress import log
-from calibrary.registry.git.errors import Combine, Conflict, FileConflictError, explain
+from calibrary.registry.git.errors import Conflict, FileConflictError, explain
 from calibrary.registry.git.locks import WriterLock, backoff, blocking_lock, writer_lock
 from calibrary.registry.git.objects import HEX, LARGEST_FILE, Blob, blob_id
 from calibrary.registry.git.program import Output, check_branch
@@ -340,7 +340,7 @@ ANY: Final = Base.ANY
 """For generated files that are not edited; never for an entry."""
 
 
-class Change(Struct, frozen=True, kw_only=True):
+class FileChange(Struct, frozen=True, kw_only=True):
     """A change of one file.
 
     Attributes:
@@ -371,13 +371,12 @@ class Written(Struct, frozen=True, kw_only=True):
 
 def write(
     repo: Repository,
-    changes: Sequence[Change],
+    changes: Sequence[FileChange],
     message: str,
     *,
     author: Person | None = None,
     branch: str | None = None,
     now: datetime | None = None,
-    combine: Combine | None = None,
 ) -> Written:
     """Write changes as one commit, all or none.
 
@@ -388,7 +387,6 @@ def write(
         author: author, if not the committer.
         branch: target branch; by default the one that is checked out. A new branch starts there.
         now: date of the commit.
-        combine: makes one content of two changes of a file; by default they are a conflict.
 
     Raises:
         FileConflictError: a file differs from the content its change started from; nothing was written.
@@ -410,7 +408,7 @@ def write(
                 finish_update(repo)
                 shown = old
             parent = old if old is not None or branch is None else repo.tip()
-            due = effective_changes(repo, parent, changes, combine)
+            due = effective_changes(repo, parent, changes)
             if not due:
                 return Written(
                     commit=_unchanged_tip(repo, parent), parent=parent, paths={}, warnings=warnings
@@ -439,7 +437,7 @@ def write(
     raise AssertionError  # backoff() has no end
 
 
-def _check(repo: Repository, changes: Sequence[Change]) -> None:
+def _check(repo: Repository, changes: Sequence[FileChange]) -> None:
     seen = set()
     for change in changes:
         if repo.check_path(change.path) in seen:
@@ -456,15 +454,15 @@ def _unchanged_tip(repo: Repository, parent: str | None) -> str:
 
 
 def effective_changes(
-    repo: Repository, commit: str | None, changes: Sequence[Change], combine: Combine | None = None
-) -> list[Change]:
+    repo: Repository, commit: str | None, changes: Sequence[FileChange]
+) -> list[FileChange]:
     """Return the changes that have an effect.
 
     Raises:
         FileConflictError: files differ from the contents their changes started from, even if they happen to equal the
             intended result (two increments by one must give two).
     """
-    due: list[Change] = []
+    due: list[FileChange] = []
     conflicts = []
     for change, theirs in zip(changes, _current_ids(repo, commit, changes), strict=True):
         # The branch's own compare-and-swap is not enough: a retry on the new tip would overwrite a newer calibration.
@@ -472,25 +470,22 @@ def effective_changes(
             becomes = blob_id(change.data) if change.data is not None else None
             due += [change] if becomes != theirs else []
             continue
-        conflict = Conflict(
-            path=change.path,
-            base_oid=change.base if isinstance(change.base, str) else None,
-            base=_content(repo, change.base),
-            ours=change.data,
-            theirs=_content(repo, theirs),
-            theirs_oid=theirs,
+        conflicts.append(
+            Conflict(
+                path=change.path,
+                base_oid=change.base if isinstance(change.base, str) else None,
+                base=_content(repo, change.base),
+                ours=change.data,
+                theirs=_content(repo, theirs),
+                theirs_oid=theirs,
+            )
         )
-        both = conflict.combined(combine)
-        if both is None:
-            conflicts.append(conflict)
-        elif blob_id(both) != theirs:
-            due.append(Change(path=change.path, data=both, base=theirs))
     if conflicts:
         raise FileConflictError(conflicts, "read the current entry and propose the change again")
     return due
 
 
-def _current_ids(repo: Repository, commit: str | None, changes: Sequence[Change]) -> list[str | None]:
+def _current_ids(repo: Repository, commit: str | None, changes: Sequence[FileChange]) -> list[str | None]:
     """Return the current ids of the files to change."""
     if commit is None:
         return [None] * len(changes)

@@ -11,7 +11,7 @@ import shlex
 from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Final, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias
 
 import msgspec
 from msgspec import Struct
@@ -38,28 +38,25 @@ EntryDocument: TypeAlias = Annotated[
 """An entry as JSON, which is parsed when it is needed."""
 
 
-class EarlierRevision(Record):
-    """An earlier revision of an entry, for images of its days; its commit is the one at which it was the newest."""
-
-    commit: ObjectId
-    entry: EntryDocument
-
-
 class PublishedEntry(Record):
     """An entry of a camera.
 
     Attributes:
         path: path of its file in the registry.
-        entry: what it says; it is used if its status is approved.
-        earlier: revisions for images of earlier days, newest first.
+        status: it is used if it is approved.
+        reason: why it was approved or retired.
+        entry: what is in force of it.
+        others: what is in force on days on which that is not.
     """
 
     path: str
+    status: Literal["approved", "retired"]
+    reason: str | None
     entry: EntryDocument
-    earlier: tuple[EarlierRevision, ...] = ()
+    others: tuple[EntryDocument, ...] = ()
 
 
-class PublishedCamera(Record, tag_field="schema", tag="calibrary/published-camera-2"):
+class PublishedCamera(Record, tag_field="schema", tag="calibrary/published-camera-3"):
     """The entries of a make and model, or of one unit, by path.
 
     Attributes:

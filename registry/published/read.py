@@ -21,8 +21,9 @@ from calibrary.atomic import write_files
 from calibrary.calibration import CameraKey
 from calibrary.errors import InputError, RegistryError
 from calibrary.known_camera import match_key
-from calibrary.registry.entry import Entry
-from calibrary.registry.entry_yaml import parse_entry
+from calibrary.records import replace
+from calibrary.registry.entry import Entry, Status
+from calibrary.registry.entry_yaml import parsed
 from calibrary.registry.git.locks import writer_lock
 from calibrary.registry.paths import ROOT, UNIT, slug
 from calibrary.registry.places import PUBLISHED_FILE
@@ -135,9 +136,8 @@ class Published:
         rows = {row.path: row for file in files for row in file.entries}
         return RegistryIndex(
             [*rows, *(path for file in files for path in file.refused)],
-            lambda path: bytes(rows[path].entry) if path in rows else _refused(path),
+            lambda path: _entries(rows[path]) if path in rows else _no_entry(path),
             aliases=lambda: {(make, model): frozenset(f"{ROOT}{name}/" for name in others)},
-            earlier=lambda path: _revisions(rows[path]),
         )
 
     def _decoded(self, kind: type[Found], digest: str, most: int) -> Found:
@@ -248,17 +248,21 @@ def _remember(memory: Path, found: Opened, url: str) -> str | None:
     return None
 
 
-def _revisions(row: PublishedEntry) -> Iterator[tuple[str, Entry]]:
-    """Yield the earlier usable revisions of an entry, newest first."""
-    for one in row.earlier:
-        yield one.commit, parse_entry(bytes(one.entry), row.path)
+def _entries(row: PublishedEntry) -> Iterator[Entry]:
+    """Yield what is in force of an entry on any day, first that of no particular one.
+
+    Raises:
+        RegistryError: it cannot be read.
+    """
+    for data in (row.entry, *row.others):
+        yield replace(parsed(bytes(data), row.path), status=Status(row.status), reason=row.reason)
 
 
-def _refused(path: str) -> bytes:
+def _no_entry(path: str) -> tuple[Entry, ...]:
     raise RegistryError(
         f"{path}: its keeper's registry has it and cannot read it: 'calibrary registry check' says why"
     )
 
 
-def _no_file(path: str) -> bytes:
+def _no_file(path: str) -> tuple[Entry, ...]:
     raise RegistryError(f"{path}: not there")

@@ -6,9 +6,9 @@ import os
 import re
 import unicodedata
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from datetime import UTC, date, datetime, timedelta
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Final
 
@@ -19,19 +19,16 @@ from calibrary.atomic import check_folder, write_files
 from calibrary.errors import InputError, RegistryError
 from calibrary.known_camera import is_serial_hash
 from calibrary.records import Record, encoded, replace
-from calibrary.registry.entry import Alias, Entry, Status, Validity
+from calibrary.registry.entry import Alias, Entry
 from calibrary.registry.git.history import history
 from calibrary.registry.git.locks import writer_lock
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.paths import (
     CAMERAS,
-    PROPOSALS,
+    EVENTS,
     ROOT,
-    STATEMENTS,
-    SUFFIX,
     UNIT,
-    in_use_path,
     is_entry,
 )
 from calibrary.registry.places import PUBLISHED_FILE
@@ -39,7 +36,6 @@ from calibrary.registry.published.manifest import (
     DATA,
     LARGEST_CAMERA,
     NAMESPACE,
-    EarlierRevision,
     Manifest,
     Opened,
     PublishedCamera,
@@ -55,14 +51,14 @@ from calibrary.registry.published.manifest import (
 )
 from calibrary.registry.snapshot import Snapshot
 from calibrary.registry.sshsig import Signer, fingerprint, signed_by
-from calibrary.registry.statements import RULES
+from calibrary.registry.statements import RULES, entry_path
 from calibrary.schemas import served
 from calibrary.version import __version__
 
 USUAL_DAYS: Final = 90
 """Days until readers refuse a publication that was not renewed."""
 SCHEMA_FOLDER: Final = "schemas"
-SCHEMAS: Final = ("published-3", "published-list-1", "published-camera-2", "entry-1")
+SCHEMAS: Final = ("published-3", "published-list-1", "published-camera-3", "entry-1")
 """Schemas of the published files."""
 STAGING: Final = ".publishing"
 """Folder with the lock; not part of the publication."""
@@ -313,7 +309,7 @@ def _written(
     *,
     total: int,
 ) -> Iterator[tuple[str, _File]]:
-    """Write the files of cameras, given the paths of their entries; yield those that have any but drafts."""
+    """Write the files of cameras, given the paths of their entries; yield those that have any."""
     done, due = total - sum(map(len, paths.values())), [*paths]
     for start in range(0, len(due), CHUNK):
         some = due[start : start + CHUNK]
@@ -326,9 +322,7 @@ def _written(
             rows = [
                 _published(path, entry, snapshot)
                 for path, why in found.items()
-                if why is None
-                and isinstance(entry := entries[path], Entry)
-                and entry.status is not Status.DRAFT
+                if why is None and isinstance(entry := entries[path], Entry)
             ]
             data = document_bytes(PublishedCamera(entries=tuple(rows), refused=tuple(refused)))
             if len(data) > LARGEST_CAMERA:
@@ -364,12 +358,11 @@ def _changed_paths(repo: Repository, before: str, commit: str) -> set[str] | Non
         return None
     log = ("log", "-m", "-z", "--format=", "--name-only", "--no-renames", commit, f"^{before}", "--")
     found = set[str]()
-    printed = repo.run(*log, CAMERAS, PROPOSALS, STATEMENTS).out.decode("utf-8", "replace")
+    printed = repo.run(*log, CAMERAS, EVENTS).out.decode("utf-8", "replace")
     for path in filter(None, printed.split("\0")):
-        if path.startswith(f"{STATEMENTS}{RULES}/"):
+        if path.startswith(f"{EVENTS}{RULES}/"):
             return None
-        subject = path.removeprefix(STATEMENTS).rpartition("/")[0]
-        found.add(f"{subject}{SUFFIX}" if path.startswith(STATEMENTS) else in_use_path(path))
+        found.add(entry_path(path))
     return {path for path in found if path.startswith(ROOT) and is_entry(path)}
 
 
@@ -404,31 +397,18 @@ def _why_not(path: str, entry: Entry | InputError) -> str | None:
 
 
 def _published(path: str, entry: Entry, snapshot: Snapshot) -> PublishedEntry:
-    earlier = tuple(
-        EarlierRevision(commit=commit, entry=_public(one))
-        for commit, one in _earlier(entry, snapshot.earlier(path))
+    return PublishedEntry(
+        path=path,
+        status="approved" if entry.is_usable else "retired",
+        reason=entry.reason,
+        entry=_public(entry),
+        others=tuple(map(_public, snapshot.standing(path).entries[1:])),
     )
-    return PublishedEntry(path=path, entry=_public(entry), earlier=earlier)
 
 
 def _public(entry: Entry) -> msgspec.Raw:
     """Return an entry without what is internal to the team."""
     return msgspec.Raw(encoded(replace(entry, label=None, tags=()), indent=0))
-
-
-def _earlier(entry: Entry, revisions: Iterable[tuple[str, Entry]]) -> Iterator[tuple[str, Entry]]:
-    """Yield the revisions for days on which the entry is not valid: the newest of each period."""
-    if not entry.is_usable or entry.validity is None:
-        return
-    seen: set[tuple[date | None, date | None]] = {_days(entry.validity)}
-    for commit, one in revisions:
-        if (days := _days(one.validity)) not in seen:
-            seen.add(days)
-            yield commit, one
-
-
-def _days(validity: Validity | None) -> tuple[date | None, date | None]:
-    return (validity.first, validity.last) if validity is not None else (None, None)
 
 
 def check_out(out: Path) -> None:

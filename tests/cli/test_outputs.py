@@ -56,7 +56,7 @@ def outputs(ran: Ran) -> dict[str, str]:
 
 def _place(path: Path) -> tuple[str, str]:
     """Where a file comes: a statement, whose name is a digest, by what it says."""
-    if "statements" not in path.parts or not path.is_file():
+    if "events" not in path.parts or not path.is_file():
         return str(path), ""
     return str(path.parent), re.sub(r"[0-9a-f]{32}", "", path.read_text(encoding="utf-8"))
 
@@ -92,7 +92,7 @@ def content(path: Path) -> str:
 def masker(desk: Path) -> Callable[[str], str]:
     """Replaces what differs from run to run, by as many characters: tables stay as wide as they are."""
     commits = _git(desk / "new/fleet", "rev-list", "--all").split()
-    statements = [path.stem[-32:] for path in (desk / "new/fleet/statements").rglob("*") if path.is_file()]
+    statements = [path.stem[-32:] for path in (desk / "new/fleet/events").rglob("*") if path.is_file()]
     numbers: dict[str, int] = {}
 
     def numbered(match: re.Match[str]) -> str:

@@ -24,10 +24,10 @@ from calibrary.records import replace
 from calibrary.registry.entry import Alias, Entry, Sensor, Status, Validity
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.firmware import FirmwareRange
-from calibrary.registry.git.writing import Change, Written
-from calibrary.registry.proposals import Note, write_changes
+from calibrary.registry.git.writing import FileChange, Written
+from calibrary.registry.proposals import write_changes
 from calibrary.registry.registry import Registry
-from calibrary.registry.stating import Act, stated
+from calibrary.registry.stating import Action, Change, stated
 from tests.strategies import any_distortions, image_sizes
 
 DIGITS = "5c" * 32
@@ -43,24 +43,28 @@ def covariance(names: tuple[str, ...] = ("fx", "fy", "cx", "cy", "k1"), seed: in
     return Covariance.from_matrix(names, spread @ spread.T)
 
 
-def put_entries(registry: Registry, entries: Sequence[tuple[Entry, str | None]], note: Note) -> Written:
+def put_entries(registry: Registry, entries: Sequence[tuple[Entry, str | None]], message: str) -> Written:
     """Write entries without comparing them with others, each with the blob id of the content it replaces."""
-    changes = [Change(path=entry.path, data=entry_yaml(entry), base=base) for entry, base in entries]
+    changes = [FileChange(path=entry.path, data=entry_yaml(entry), base=base) for entry, base in entries]
     said = statements_on(registry, [entry for entry, _ in entries])
-    return write_changes(registry.repo, [*changes, *said], note)
+    return write_changes(registry.repo, [*changes, *said], message)
 
 
-def statements_on(registry: Registry, entries: Sequence[Entry]) -> Sequence[Change]:
-    """Who writes these entries also states that they are what their status says, where statements say so."""
-    acts = []
+def statements_on(registry: Registry, entries: Sequence[Entry]) -> Sequence[FileChange]:
+    """Who writes these entries also states that they are what their status says."""
+    changes = []
     for entry in entries:
         if entry.status is Status.DRAFT:
             continue
-        acts.append(Act(action="approve", entry=entry))
+        changes.append(a_change("approve", entry))
         if entry.status is not Status.APPROVED:
-            acts.append(Act(action="retire", entry=entry))
-    snapshot = registry.snapshot() if registry.repo.tip() is not None else None
-    return stated(snapshot, acts, None).changes if snapshot is not None and snapshot.is_stated else ()
+            changes.append(a_change("retire", entry))
+    return stated(registry.snapshot(), changes).changes if registry.repo.tip() is not None else ()
+
+
+def a_change(action: Action, entry: Entry, **more: Any) -> Change:
+    """What a person does with an entry, told of nothing that was before."""
+    return Change(action=action, before=None, after=entry, why=entry.reason, fields=(), **more)
 
 
 def an_entry(
@@ -97,6 +101,11 @@ def an_entry(
         notes=notes,
     )
     return Entry(calibration=calibration, **{"status": Status.APPROVED, **fields})
+
+
+def a_content(*given: Any, **fields: Any) -> Entry:
+    """An entry as its file says it."""
+    return an_entry(*given, **fields).as_draft
 
 
 def texts() -> st.SearchStrategy[str]:
@@ -176,8 +185,6 @@ def entries(draw: st.DrawFn) -> Entry:
             notes=tuple(draw(st.lists(texts(), max_size=2))),
             extras=tuple(draw(st.dictionaries(texts(), texts(), max_size=2)).items()),
         ),
-        status=draw(st.sampled_from(Status)),
-        reason=maybe(texts()),
         firmware=maybe(
             st.sampled_from([FirmwareRange(min="01.00.0128"), FirmwareRange(min="1.9", max="01.10")])
         ),

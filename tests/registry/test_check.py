@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from datetime import date
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,17 +13,27 @@ from calibrary.calibration import Provenance
 from calibrary.policy import FLEET, SOURCE
 from calibrary.quality import Covariance, Quality
 from calibrary.records import replace
+from calibrary.registry.checks import check_all
 from calibrary.registry.entry import UNSTATED, Alias, Entry, Sensor, Status, Validity
 from calibrary.registry.entry_checks import check
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.firmware import FirmwareRange
+from calibrary.registry.registry import open_snapshot
 from calibrary.strictyaml import YamlValue
 from calibrary.validation import Finding, Severity
 from tests.registry.entries import LENS, an_entry, covariance
 
 
-def files(*entries: Entry) -> dict[str, bytes]:
-    return {entry.path: entry_yaml(entry) for entry in entries}
+def files(*entries: Entry) -> dict[str, Entry]:
+    return {entry.path: entry for entry in entries}
+
+
+def in_folder(folder: Path, tree: Mapping[str, bytes]) -> tuple[Finding, ...]:
+    """What is found in a folder of files."""
+    for path, data in tree.items():
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        (folder / path).write_bytes(data)
+    return check_all(open_snapshot(Path(f"folder:{folder}"))).findings
 
 
 def found(findings: tuple[Finding, ...]) -> list[tuple[str, str]]:
@@ -61,27 +73,20 @@ def test_an_empty_registry_is_good() -> None:
     assert check({}, FLEET) == ()
 
 
-def test_nothing_stops_at_the_first() -> None:
-    tree = files(an_entry(), an_entry(model="FC220", provenance=UNSTATED, fx=100.0, distortion=None))
+def test_nothing_stops_at_the_first(tmp_path: Path) -> None:
+    good = (an_entry(), an_entry(model="FC220", provenance=UNSTATED, fx=100.0, distortion=None))
+    tree = {entry.path: entry_yaml(entry) for entry in good}
     tree["cameras/dji/a/1x1.yaml"] = b"{"
     tree["cameras/dji/b/1x1.yaml"] = tree[an_entry().path].replace(b"fx: 3661.25", b"fx: 3700.0")
     tree["cameras/dji/c/1x1.yaml"] = tree[an_entry().path]
     tree["cameras/dji/d/1x1.yaml"] = b"schema: calibrary/entry-9\n"
-    findings = check(tree, FLEET)
+    findings = in_folder(tmp_path, tree)
     assert [((finding.place or '').split("/")[2], finding.rule) for finding in findings] == [
-        ("a", "entry"), ("b", "digest"), ("c", "path"), ("d", "entry"), ("fc220", "focal-plausibility"),
+        ("a", "entry"), ("b", "entry"), ("c", "entry"), ("d", "entry"), ("fc220", "focal-plausibility"),
         ("fc220", "focal-symmetry"), ("fc220", "provenance"),
     ]  # fmt: skip
     for finding in findings:
         assert str(finding).count(finding.place or "") == 1
-
-
-def test_an_entry_without_a_digest_is_told_what_writes_one() -> None:
-    [(path, data)] = files(an_entry()).items()
-    bare = b"\n".join(line for line in data.split(b"\n") if not line.startswith(b"digest"))
-    [finding] = check({path: bare}, FLEET)
-    assert finding.rule == "digest"
-    assert "registry add FILE" in finding.message
 
 
 def test_an_entry_must_lie_where_its_key_says() -> None:
@@ -213,10 +218,9 @@ def test_a_unit_whose_make_images_write_in_other_letters_is_a_warning() -> None:
     assert of(an_entry(make="dji")) == []
 
 
-def test_a_character_that_turns_the_direction_of_a_line_is_a_warning() -> None:
-    [(path, data)] = files(an_entry()).items()
-    turned = data.replace(b"grade:", "# \u202e 5.2 mm\ngrade:".encode())
-    assert found(check({path: turned}, FLEET)) == [("spelling", "warning")]
+def test_a_character_that_turns_the_direction_of_a_line_is_a_warning(tmp_path: Path) -> None:
+    turned = entry_yaml(an_entry()).replace(b"grade:", "# \u202e 5.2 mm\ngrade:".encode())
+    assert found(in_folder(tmp_path, {an_entry().path: turned})) == [("spelling", "warning")]
 
 
 def test_a_warning_leaves_a_registry_good() -> None:

@@ -13,16 +13,15 @@ from calibrary.registry.entry import Alias, Entry
 from calibrary.registry.entry_yaml import (
     LARGEST_ENTRY,
     LEGEND,
-    combined,
     comments_in,
     entry_yaml,
     lost_comments,
     parse_entry,
 )
-from tests.registry.entries import an_entry, entries
+from tests.registry.entries import a_content, entries
 from tests.thorough import examples
 
-ONE = an_entry(label="Hugo", tags=("a", "b"))
+ONE = a_content(label="Hugo", tags=("a", "b"))
 
 
 def by_hand(entry: Entry, *edits: tuple[str, str]) -> bytes:
@@ -31,7 +30,7 @@ def by_hand(entry: Entry, *edits: tuple[str, str]) -> bytes:
     for before, after in edits:
         assert text.count(before) == 1
         text = text.replace(before, after)
-    assert parse_entry(text.encode(), "x") == entry
+    assert parse_entry(text.encode(), "x") == entry.as_draft
     return text.encode()
 
 
@@ -80,7 +79,7 @@ def test_a_comment_stays_at_its_field_and_goes_to_the_next_one_without_it() -> N
         ("  fx:", "  # twice\n  fx:"),
         ('["a", "b"]', "# for searching\n  - a # first\n  - b\n# seen\n"),
     )
-    kept = lines_of(entry_yaml(replace(ONE, calibration=an_entry(fx=3700.5).calibration), [former]))
+    kept = lines_of(entry_yaml(replace(ONE, calibration=a_content(fx=3700.5).calibration), [former]))
     assert kept[kept.index("  # twice") + 1] == "  fx: 3700.5"
     assert kept[kept.index("# painted red") + 1] == 'label: "Hugo"  # since May'
     gone = lines_of(entry_yaml(replace(ONE, label=None, tags=("a", "b", "c")), [former]))
@@ -116,7 +115,7 @@ def test_what_turns_the_direction_of_a_comment_is_written_as_its_escape_and_noth
 
 
 def test_a_file_without_comments_is_written_as_always() -> None:
-    assert entry_yaml(ONE, [entry_yaml(an_entry(fx=3700.5))]) == entry_yaml(ONE)
+    assert entry_yaml(ONE, [entry_yaml(a_content(fx=3700.5))]) == entry_yaml(ONE)
 
 
 def test_a_file_that_comments_make_too_large_has_none() -> None:
@@ -126,20 +125,9 @@ def test_a_file_that_comments_make_too_large_has_none() -> None:
     said = lost_comments(entry_yaml(after), after, [former])
     assert said is not None
     assert said.endswith("with them it would be larger than 256 KiB")
-    assert combined("x", entry_yaml(ONE), former, entry_yaml(after)) is None
 
 
 @pytest.mark.parametrize("text", [b"# one\nnot: [yaml # two", b"\xff # one\n# two"])
 def test_comments_of_what_is_no_yaml_are_known_too(text: bytes) -> None:
     assert {"# one", "# two"} <= comments_in(text)
     assert entry_yaml(ONE, [text]) == entry_yaml(ONE)
-
-
-def test_comments_of_two_sides_come_together_and_one_that_a_side_removed_is_gone() -> None:
-    base = by_hand(ONE, ("grade:", "# old\n# kept\ngrade:"))
-    ours = by_hand(replace(ONE, tags=("a", "b", "c")), ("grade:", "# kept\n# ours\ngrade:"))
-    theirs = by_hand(ONE, ("grade:", "# old\n# kept\ngrade:"), ("camera:", "camera:  # theirs"))
-    data = combined("x", base, ours, theirs)
-    assert data is not None
-    assert parse_entry(data, "x").tags == ("a", "b", "c")
-    assert comments_in(data) - {*LEGEND.splitlines()} == {"# kept", "# ours", "# theirs"}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-import shutil
 import subprocess
 from collections.abc import Iterator, Sequence
 from functools import partial
@@ -16,17 +15,15 @@ from hypothesis import given, settings
 from calibrary.calibration import CameraKey
 from calibrary.records import replace
 from calibrary.registry import contents
-from calibrary.registry.cache import Cache, Memory, cache_folder
+from calibrary.registry.cache import Cache, Memory
 from calibrary.registry.checks import check_all
-from calibrary.registry.contents import ALIAS, FOLDERS, LABEL, SUPERSEDES, Contents, stated_names
+from calibrary.registry.contents import ALIAS, LABEL, Contents, stated_names
 from calibrary.registry.entry import Alias, Entry
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry
-from calibrary.registry.fields import Value, entry_row
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.init import init
 from calibrary.registry.paths import is_entry, model_folder
 from calibrary.registry.registry import Registry, open_snapshot
-from calibrary.registry.resolution import scan_aliases
 from calibrary.validation import Finding
 from tests.cli.registry.direct import put, put_bytes
 from tests.registry.entries import KEY, an_entry, entries
@@ -54,13 +51,13 @@ def tip(repo: Repository) -> str:
 
 def require_what_git_says(repo: Repository, at: Contents, commit: str) -> None:
     """Compare the contents of a commit with a walk over all of its files."""
-    files = repo.listing(commit, *FOLDERS)
+    files = repo.listing(commit, "cameras")
     assert dict(at.files) == files
     assert [*at.files] == sorted(files)
     entries = {path: oid for path, oid in files.items() if is_entry(path)}
     parsed = [(path, parse_entry(repo.blob(oid), path)) for path, oid in entries.items()]
     expected = sorted(mention for path, entry in parsed for mention in stated_names(path, entry))
-    assert sorted(one for kind in (ALIAS, LABEL, SUPERSEDES) for one in at.mentions(kind)) == expected
+    assert sorted(one for kind in (ALIAS, LABEL) for one in at.mentions(kind)) == expected
     read = ((oid, path, repo.blob(oid)) for path, oid in entries.items())
     assert [*at.parsed(read)] == parsed
 
@@ -75,12 +72,12 @@ def random_entry(dice: random.Random) -> Entry:
 
 def step(root: Path, dice: random.Random) -> None:
     """One thing that a person may do with git."""
-    there = [file for folder in FOLDERS for file in sorted((root / folder).rglob("*.yaml"))]
+    there = sorted((root / "cameras").rglob("*.yaml"))
     branches = git(root, "branch", "--format=%(refname:short)").split()
     match dice.choice(["add", "add", "edit", "rename", "delete", "branch", "switch", "merge", "reset"]):
         case "add" | "edit":
             entry = random_entry(dice)
-            file = root / entry.path.replace("cameras", dice.choice(["cameras", "cameras", "proposals"]), 1)
+            file = root / entry.path
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_bytes(entry_yaml(entry))
         case "rename" if there:
@@ -115,15 +112,6 @@ def test_after_any_history_it_says_what_git_says(repo: Repository, tmp_path: Pat
             commit = dice.choice([seen[-1], seen[-1], dice.choice(seen)])
             require_what_git_says(repo, Contents(repo, commit, folder=kept), commit)
     require_what_git_says(repo, Contents(repo, seen[-1], folder=kept), seen[-1])
-
-
-@settings(max_examples=examples(12))
-@given(entry=entries())
-def test_fields_that_are_kept_are_the_fields(entry: Entry) -> None:
-    row = entry_row(entry)
-    again = msgspec.msgpack.decode(msgspec.msgpack.encode(row), type=dict[str, Value])
-    assert again == row
-    assert [type(value) for value in again.values()] == [type(value) for value in row.values()]
 
 
 @pytest.mark.thorough
@@ -265,23 +253,12 @@ def test_a_check_finds_what_it_finds_without_anything_kept_whatever_became_of_th
     assert found() == after
 
 
-def as_before_statements(fleet: Path) -> None:
-    """Make it a registry of an older version, whose files alone say what is used."""
-    file = fleet / "registry.yaml"
-    file.write_text(file.read_text().replace("layout: 2", "layout: 1"))
-    git(fleet, "rm", "-rq", "statements")
-    git(fleet, "commit", "-qam", "As before")
-    shutil.rmtree(cache_folder(), ignore_errors=True)
-
-
 @pytest.mark.parametrize("key", [KEY, replace(KEY, make="Other", model="Name")])
 def test_asking_for_one_camera_finds_what_asking_all_finds(repo: Repository, key: CameraKey) -> None:
     put_bytes(repo.path, {"cameras/misplaced/x.yaml": entry_yaml(an_entry(model="odd"))})
-    as_before_statements(repo.path)
     snapshot = open_snapshot(repo.path)
     whole = snapshot.index().resolve(key)
     narrow = snapshot.index_for(key)
     assert whole is not None
     assert narrow.resolve(key) == whole
     assert len(narrow.paths) < len(snapshot.index().paths)
-    assert dict(snapshot.contents.aliases) == dict(scan_aliases(snapshot.files()))

@@ -15,7 +15,7 @@ from calibrary.quality import Covariance, Quality
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Sensor, Status, digest
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry
-from tests.registry.entries import LENS, an_entry, covariance
+from tests.registry.entries import LENS, a_content, covariance
 
 
 def of(entry: Entry) -> str:
@@ -23,49 +23,49 @@ def of(entry: Entry) -> str:
 
 
 def test_it_is_the_same_today_as_when_it_was_first_written() -> None:
-    assert of(an_entry()) == "sha256:f72b27057ee998cfb1defd9db975a4e52e8540672151da4bd5a88e2f0310cc74"
+    assert of(a_content()) == "sha256:f72b27057ee998cfb1defd9db975a4e52e8540672151da4bd5a88e2f0310cc74"
 
 
 @pytest.mark.parametrize(
     "other",
     [
-        an_entry(fx=3661.2500000000005),
-        an_entry(distortion=replace(LENS, k3=-0.0311)),
-        an_entry(distortion=None),
-        an_entry(distortion=NoDistortion()),
-        an_entry(size=(5472, 3646)),
-        an_entry(sensor=Sensor(width_mm=13.2)),
-        an_entry(quality=Quality(std={"fx": 0.4})),
-        an_entry(quality=Quality(covariance=covariance())),
+        a_content(fx=3661.2500000000005),
+        a_content(distortion=replace(LENS, k3=-0.0311)),
+        a_content(distortion=None),
+        a_content(distortion=NoDistortion()),
+        a_content(size=(5472, 3646)),
+        a_content(sensor=Sensor(width_mm=13.2)),
+        a_content(quality=Quality(std={"fx": 0.4})),
+        a_content(quality=Quality(covariance=covariance())),
     ],
 )
 def test_every_number_of_the_calibration_counts(other: Entry) -> None:
-    assert of(other) != of(an_entry())
+    assert of(other) != of(a_content())
 
 
 @pytest.mark.parametrize(
     "other",
     [
-        an_entry(status=Status.RETIRED, reason="sold", notes=("seen",)),
-        an_entry(quality=Quality(rms_px=0.3, views=12, kappa2=1.2)),
-        an_entry(model="FC6310S", serial="9f2c"),
-        an_entry(distortion=BrownConrady(k3=-0.031, p2=-0.0002, p1=0.0007, k2=0.104, k1=-0.262)),
-        an_entry(quality=Quality(std={})),
+        a_content(status=Status.RETIRED, reason="sold", notes=("seen",)),
+        a_content(quality=Quality(rms_px=0.3, views=12, kappa2=1.2)),
+        a_content(model="FC6310S", serial="9f2c"),
+        a_content(distortion=BrownConrady(k3=-0.031, p2=-0.0002, p1=0.0007, k2=0.104, k1=-0.262)),
+        a_content(quality=Quality(std={})),
     ],
 )
 def test_what_is_no_number_of_it_does_not(other: Entry) -> None:
-    assert of(other) == of(an_entry())
+    assert of(other) == of(a_content())
 
 
 def test_the_order_of_a_covariance_does_not_matter() -> None:
     there = covariance(("fx", "fy", "cx"))
     back = Covariance.from_matrix(("cx", "fy", "fx"), np.asarray(there.matrix)[::-1, ::-1])
-    digests = {of(an_entry(quality=Quality(covariance=each))) for each in (there, back)}
+    digests = {of(a_content(quality=Quality(covariance=each))) for each in (there, back)}
     assert len(digests) == 1
 
 
 def test_minus_zero_is_zero() -> None:
-    assert of(an_entry(distortion=replace(LENS, p1=0.0))) == of(an_entry(distortion=replace(LENS, p1=-0.0)))
+    assert of(a_content(distortion=replace(LENS, p1=0.0))) == of(a_content(distortion=replace(LENS, p1=-0.0)))
 
 
 class Checkout:
@@ -74,7 +74,7 @@ class Checkout:
     def __init__(self, folder: Path) -> None:
         self.folder, self.file = folder, folder / "entry.yaml"
         self.git("init", "--quiet", "--initial-branch=main")
-        self.commit(an_entry())
+        self.commit(a_content())
 
     def git(self, *words: str) -> int:
         names = {f"GIT_{who}_{what}": "a@b" for who in ("AUTHOR", "COMMITTER") for what in ("NAME", "EMAIL")}
@@ -101,9 +101,9 @@ def test_one_branchs_k_and_the_others_distortion_do_not_merge_into_a_camera_nobo
 ) -> None:
     checkout = Checkout(tmp_path)
     checkout.git("checkout", "-q", "-b", "new-k")
-    checkout.commit(an_entry(fx=3700.0))
+    checkout.commit(a_content(fx=3700.0))
     checkout.git("checkout", "-q", "-b", "new-lens", "main")
-    checkout.commit(an_entry(distortion=replace(LENS, k3=-0.04)))
+    checkout.commit(a_content(distortion=replace(LENS, k3=-0.04)))
     assert checkout.git("merge", "--quiet", "new-k") == 1
     merged = checkout.file.read_text()
     assert "<<<<<<<" in merged
@@ -121,23 +121,11 @@ def test_one_branchs_k_and_the_others_distortion_do_not_merge_into_a_camera_nobo
 
 def test_without_the_digest_git_would_have_joined_them_in_silence(tmp_path: Path) -> None:
     checkout = Checkout(tmp_path)
-    checkout.commit(an_entry(), sealed=False)
+    checkout.commit(a_content(), sealed=False)
     checkout.git("checkout", "-q", "-b", "new-k")
-    checkout.commit(an_entry(fx=3700.0), sealed=False)
+    checkout.commit(a_content(fx=3700.0), sealed=False)
     checkout.git("checkout", "-q", "-b", "new-lens", "main")
-    checkout.commit(an_entry(distortion=replace(LENS, k3=-0.04)), sealed=False)
+    checkout.commit(a_content(distortion=replace(LENS, k3=-0.04)), sealed=False)
     assert checkout.git("merge", "--quiet", "--no-edit", "new-k") == 0
     joined = parse_entry(checkout.file.read_bytes(), "entry.yaml", require_digest=False)
-    assert joined == an_entry(fx=3700.0, distortion=replace(LENS, k3=-0.04))
-
-
-def test_a_change_of_status_and_one_of_notes_merge(tmp_path: Path) -> None:
-    checkout = Checkout(tmp_path)
-    checkout.git("checkout", "-q", "-b", "retired")
-    checkout.commit(an_entry(status=Status.RETIRED))
-    checkout.git("checkout", "-q", "-b", "noted", "main")
-    checkout.commit(an_entry(notes=("seen",)))
-    assert checkout.git("merge", "--quiet", "--no-edit", "retired") == 0
-    assert parse_entry(checkout.file.read_bytes(), "entry.yaml") == an_entry(
-        status=Status.RETIRED, notes=("seen",)
-    )
+    assert joined == a_content(fx=3700.0, distortion=replace(LENS, k3=-0.04))

@@ -14,11 +14,11 @@ from calibrary.registry.entry_yaml import entry_yaml, parse_entry
 from calibrary.schemas import load, require
 from calibrary.strictyaml import load_yaml
 from tests.core.lens_models import evenly
-from tests.registry.entries import DIGITS, an_entry
+from tests.registry.entries import DIGITS, a_content
 
 
 def document(**changes: Any) -> Any:
-    value = load_yaml(entry_yaml(an_entry()), source="x")
+    value = load_yaml(entry_yaml(a_content()), source="x")
     assert isinstance(value, dict)
     return {**value, **changes}
 
@@ -46,7 +46,7 @@ def test_the_coefficients_of_a_model_are_the_codes(model: str) -> None:
 @pytest.mark.parametrize("model", MODELS)
 def test_every_model_has_its_place_in_a_file(model: str) -> None:
     distortion = MODELS[model](**evenly(model, 0.05))
-    entry = an_entry(distortion=distortion)
+    entry = a_content(distortion=distortion)
     assert parse_entry(entry_yaml(entry), "x") == entry
 
 

@@ -9,7 +9,7 @@ import pytest
 from calibrary.errors import RegistryError, UnknownCameraError
 from calibrary.registry.init import init
 from calibrary.registry.paths import find_path
-from calibrary.registry.proposals import note_of
+from calibrary.registry.proposals import message_of
 from calibrary.registry.registry import Registry
 from tests.registry.entries import an_entry, put_entries
 from tests.registry.git.repositories import nobodys_git
@@ -45,7 +45,7 @@ def test_what_fits_several_units_names_them() -> None:
 def test_a_content_that_is_missing_is_not_a_file_that_is_not_there(tmp_path: Path) -> None:
     registry = Registry.open(init(tmp_path / "fleet", bare=True).place)
     entry = an_entry()
-    put_entries(registry, [(entry, None)], note_of("Add", [entry]))
+    put_entries(registry, [(entry, None)], message_of("Add", [entry]))
     oid = registry.snapshot().paths[entry.path]
     assert oid is not None
     (tmp_path / "fleet/objects" / oid[:2] / oid[2:]).unlink()

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from calibrary.errors import InputError, ParseError, RegistryError
-from calibrary.registry.entry import Entry, Status
+from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.init import init
 from calibrary.registry.locking import (
@@ -22,7 +22,7 @@ from calibrary.registry.locking import (
     refuse_drift,
     verify,
 )
-from calibrary.registry.proposals import note_of
+from calibrary.registry.proposals import message_of
 from calibrary.registry.registry import Registry
 from calibrary.rig import RigMember
 from tests.registry.entries import an_entry, put_entries
@@ -65,7 +65,7 @@ def test_the_blob_is_gits_own_whatever_the_line_ends(tmp_path: Path) -> None:
     [
         ([], "no longer in the registry"),
         ([an_entry(fx=3700.0)], "its numbers have changed"),
-        ([an_entry(status=Status.DRAFT)], "the same numbers, but"),
+        ([an_entry(tolerance=0.02)], "the same numbers, but"),
     ],
 )
 def test_an_entry_that_moved_is_drift(now: list[Entry], message: str) -> None:
@@ -86,7 +86,7 @@ def test_entries_that_are_not_pinned_may_come_and_go() -> None:
 def test_the_camera_of_a_rig_pinned_from_git_holds(tmp_path: Path) -> None:
     member = RigMember(rig="payload", camera="nir", reference="nir")
     registry = Registry.open(init(tmp_path / "fleet").place)
-    put_entries(registry, [(an_entry(rig=member), None)], note_of("Put", []))
+    put_entries(registry, [(an_entry(rig=member), None)], message_of("Put", []))
     held = pinned(registry.snapshot(), registry.snapshot().paths)
     assert held.pins == (pin(an_entry(rig=member)),)
 

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
 
 from calibrary.records import replace
 from calibrary.registry.entry import Alias, Entry, Status
+from calibrary.registry.fields import differences
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.git.repository import Repository
 from calibrary.registry.init import init
-from calibrary.registry.proposals import checked, note_of, proposal_of
+from calibrary.registry.proposals import checked, message_of
 from calibrary.registry.registry import Registry
+from calibrary.registry.stating import Change
 from calibrary.validation import Severity
 from tests.registry.entries import an_entry, put_entries
 from tests.registry.git.repositories import nobodys_git
@@ -26,11 +29,17 @@ def registry(tmp_path: Path) -> Registry:
 
 
 def put(registry: Registry, *entries: Entry) -> None:
-    put_entries(registry, [(entry, None) for entry in entries], note_of("Add", entries))
+    put_entries(registry, [(entry, None) for entry in entries], message_of("Add", entries))
 
 
 def rules(registry: Registry, *entries: Entry) -> list[str]:
-    proposals = checked(registry.snapshot(), [proposal_of(entry, None, None) for entry in entries])
+    proposals = checked(
+        registry.snapshot(),
+        [
+            Change(action="approve", before=None, after=entry, fields=differences(None, entry))
+            for entry in entries
+        ],
+    )
     return [finding.rule for finding in proposals.findings if finding.severity is Severity.ERROR]
 
 
@@ -69,14 +78,16 @@ def test_what_was_wrong_before_is_no_objection(registry: Registry) -> None:
 def test_other_units_of_the_model_are_not_read(registry: Registry, monkeypatch: pytest.MonkeyPatch) -> None:
     units = [an_entry(serial=f"{number:016x}") for number in range(5)]
     put(registry, an_entry(), *units)
+    others = {registry.snapshot().cameras[one.path] for one in units[1:]}
     read: list[str] = []
-    blob = Repository.blob
+    objects = Repository.objects
 
-    def counted(repo: Repository, oid: str) -> bytes:
-        read.append(oid)
-        return blob(repo, oid)
+    def noted(repo: Repository, oids: Sequence[str], kind: bytes = b"blob") -> Iterator[bytes]:
+        read.extend(oids)
+        return objects(repo, oids, kind)
 
-    monkeypatch.setattr(Repository, "blob", counted)
+    monkeypatch.setattr(Repository, "objects", noted)
     measured = replace(units[0], tolerance=0.01)
     assert rules(registry, measured) == []
-    assert len({*read}) == 2
+    assert read
+    assert not others & {*read}

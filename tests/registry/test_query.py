@@ -115,9 +115,8 @@ def test_a_units_hash_is_as_short_as_its_model_allows_and_no_shorter_than_four_d
 
 
 def test_a_proposal_is_told_from_the_entry_that_is_listed_with_it() -> None:
-    used, proposed = "cameras/dji/m/5472x3648.yaml", "proposals/dji/m/5472x3648.yaml"
+    used, proposed = "cameras/dji/m/5472x3648.yaml", "cameras/dji/m/5472x3648.yaml@proposed"
     assert short_ids([proposed], [used, proposed]) == ["dji/m/5472x3648"]
     first, second = short_ids([used, proposed], [used, proposed])
     assert first == "dji/m/5472x3648"
-    assert second != first
-    assert second.endswith(first)
+    assert second == f"{first}@proposed"

@@ -19,11 +19,11 @@ from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.git.errors import FileConflictError
 from calibrary.registry.git.objects import blob_id
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.git.writing import ANY, Change, write
+from calibrary.registry.git.writing import ANY, FileChange, write
 from calibrary.registry.history import history, recorded
 from calibrary.registry.init import init
-from calibrary.registry.paths import find_path, find_paths, proposal_path
-from calibrary.registry.proposals import Note, note_of, propose, propose_approvals, save, write_changes
+from calibrary.registry.paths import find_path, find_paths
+from calibrary.registry.proposals import message_of, propose, propose_approvals, save, write_changes
 from calibrary.registry.registry import Registry, open_snapshot
 from tests.registry.entries import FILE, an_entry, put_entries
 from tests.registry.git.repositories import git, nobodys_git
@@ -38,7 +38,7 @@ def registry(tmp_path: Path) -> Registry:
 
 def put(registry: Registry, entry: Entry, base: str | None = None) -> str:
     """Write an entry; its content's id."""
-    oid = put_entries(registry, [(entry, base)], note_of("Put", [entry])).paths[entry.path]
+    oid = put_entries(registry, [(entry, base)], message_of("Put", [entry])).paths[entry.path]
     assert oid is not None
     return oid
 
@@ -53,11 +53,11 @@ def by_hand(registry: Registry, path: str, data: bytes) -> None:
 
 
 def test_an_entry_is_removed_by_its_base_and_what_is_no_entry_is_not_written(registry: Registry) -> None:
-    entry, note = an_entry(), Note(subject="Take it out")
+    entry, note = an_entry(), message_of("Take it out")
     base = put(registry, entry)
     with pytest.raises(RegistryError):
-        write_changes(registry.repo, [Change(path=entry.path, data=b"fx: 1\n", base=base)], note)
-    write_changes(registry.repo, [Change(path=entry.path, data=None, base=base)], note)
+        write_changes(registry.repo, [FileChange(path=entry.path, data=b"fx: 1\n", base=base)], note)
+    write_changes(registry.repo, [FileChange(path=entry.path, data=None, base=base)], note)
     assert not (registry.repo.path / entry.path).exists()
     # What is approved of it stays in use.
     assert entry.path in registry.snapshot().paths
@@ -66,17 +66,19 @@ def test_an_entry_is_removed_by_its_base_and_what_is_no_entry_is_not_written(reg
 def test_a_file_that_the_commit_does_not_hold_is_named(registry: Registry) -> None:
     entry = an_entry()
     put(registry, entry)
-    assert [*registry.snapshot().read_many([entry.path])] == [entry_yaml(entry)]
+    assert registry.snapshot().read(entry.path) == entry_yaml(entry)
     absent = an_entry(model="FC330").path
     with pytest.raises(RegistryError, match=re.escape(absent)):
-        registry.snapshot().read_many([entry.path, absent])
+        registry.snapshot().committed(absent)
 
 
 def test_of_entries_with_another_k_proposed_three_are_named(registry: Registry) -> None:
-    snapshot = registry.snapshot()
-    paths = [an_entry(model=f"FC{number}").path for number in range(4)]
-    waiting = replace(snapshot)
-    waiting.__dict__["proposed"] = dict.fromkeys(map(proposal_path, paths))
+    entries = [an_entry(model=f"FC{number}") for number in range(4)]
+    put_entries(registry, [(entry, None) for entry in entries], "Put")
+    paths, snapshot = [entry.path for entry in entries], registry.snapshot()
+    drafts = [replace(entry, status=Status.DRAFT, tolerance=0.02) for entry in entries]
+    put_entries(registry, [(one, snapshot.paths[one.path]) for one in drafts], "Propose")
+    waiting = registry.snapshot()
     assert snapshot.waiting(paths) is None
     three, four = waiting.waiting(paths[:3]), waiting.waiting(paths)
     ids = [f"dji/fc{number}/5472x3648+f8.8" for number in range(3)]
@@ -153,15 +155,19 @@ def test_a_snapshot_follows_the_branch_and_old_ones_stay_as_they_were(registry: 
     empty = registry.snapshot()
     assert dict(empty.paths) == {}
     files = {f"cameras/m/m{i}/1x1.yaml": b"n: %d\n" % i for i in range(20)}
-    write(registry.repo, [Change(path=path, data=data) for path, data in files.items()], "import\n")
+    write(registry.repo, [FileChange(path=path, data=data) for path, data in files.items()], "import\n")
     full = registry.snapshot()
-    assert dict(full.files()) == files
+    assert full.files == tuple(sorted(files))
     assert registry.snapshot() is full
-    write(registry.repo, [Change(path="cameras/m/m7/1x1.yaml", data=None, base=blob_id(b"n: 7\n"))], "drop\n")
-    write(registry.repo, [Change(path=ENTRY_PATH, data=b"x\n")], "add\n")
+    write(
+        registry.repo,
+        [FileChange(path="cameras/m/m7/1x1.yaml", data=None, base=blob_id(b"n: 7\n"))],
+        "drop\n",
+    )
+    write(registry.repo, [FileChange(path=ENTRY_PATH, data=b"x\n")], "add\n")
     patched = registry.snapshot()
-    assert patched.paths == registry.repo.listing(patched.commit or "", "cameras")
-    assert (len(full.paths), len(patched.paths)) == (20, 20)
+    assert patched.cameras == registry.repo.listing(patched.commit or "", "cameras")
+    assert (len(full.cameras), len(patched.cameras)) == (20, 20)
     assert registry.snapshot(full.commit) is full
     assert [file.path for file in registry.changed(full.commit)] == [ENTRY_PATH, "cameras/m/m7/1x1.yaml"]
 
@@ -181,18 +187,18 @@ def test_an_entry_is_read_at_any_revision_or_named_as_missing(registry: Registry
 
 def test_what_is_no_entry_or_of_another_camera_is_never_written(registry: Registry) -> None:
     before = registry.commit()
-    good = Change(path=ENTRY_PATH, data=entry_yaml(an_entry()))
+    good = FileChange(path=ENTRY_PATH, data=entry_yaml(an_entry()))
     other = an_entry(model="FC330")
     for data, message in ((b"oops\n", "is not a map"), (entry_yaml(an_entry()), "belongs at")):
         with pytest.raises(RegistryError, match=message):
-            write_changes(registry.repo, [good, Change(path=other.path, data=data)], Note(subject="x"))
+            write_changes(registry.repo, [good, FileChange(path=other.path, data=data)], message_of("x"))
     assert registry.commit() == before
 
 
 def test_an_entry_cannot_be_overwritten_blindly(registry: Registry) -> None:
     data = entry_yaml(an_entry())
     with pytest.raises(RegistryError, match="written only against its base"):
-        write_changes(registry.repo, [Change(path=ENTRY_PATH, data=data, base=ANY)], Note(subject="x"))
+        write_changes(registry.repo, [FileChange(path=ENTRY_PATH, data=data, base=ANY)], message_of("x"))
     put(registry, an_entry())
     with pytest.raises(FileConflictError):
         put(registry, replace(an_entry(), tolerance=0.01))

@@ -63,6 +63,6 @@ def test_another_k_does_not_inherit_the_verdict(tmp_path: Path) -> None:
     fleet.propose_entries([replace(judged("fixed"), status=Status.DRAFT)]).write()
     for fx, verdict in ((3661.25, "fixed"), (3700.0, None)):
         [one] = open_registry(tmp_path / "fleet").propose_entries([an_entry(fx=fx)]).proposals.items
-        found = sealed(one.entry)
+        found = sealed(one.after)
         assert (found.verdict if found is not None else None) == verdict
-        assert (VERDICT_BLOCK in one.entry.extensions) == (verdict is not None)
+        assert (VERDICT_BLOCK in one.after.extensions) == (verdict is not None)

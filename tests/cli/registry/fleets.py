@@ -49,7 +49,7 @@ def add(path: Path, *arguments: str, camera: tuple[str, ...] = CAMERA) -> None:
 
 def looked_at(fleet: Path, *keys: str, rev: str | None = None) -> list[str]:
     """KEYs with the digests of what is proposed for them, as ``approve`` takes them from somebody who has looked."""
-    pending = [Registry.open(fleet).snapshot(rev).pending(key) for key in keys]
+    pending = [Registry.open(fleet).snapshot(rev).filed(key) for key in keys]
     digests = [word for one in pending if one.is_pending for word in ("--digest", str(one.oid)[:12])]
     return [*keys, *digests]
 

@@ -67,7 +67,7 @@ def test_flags_say_what_the_source_does_not_and_nothing_else_does(
     add(xml(tmp_path / "a.xml"), "--date", "2019-03-05", "--tool", "lab 3.1", "--operator", "B. Solver")
     made = held(fleet).entry.calibration.provenance
     assert (made.date, made.tool, made.operator) == ("2019-03-05", "lab 3.1", "B. Solver")
-    file = fleet / f"proposals/{P4R}.yaml"
+    file = fleet / f"cameras/{P4R}.yaml"
     code, out, _ = run(capsys, "add", file, "--date", "2020-01-02", "--yes")
     assert code == 0
     assert "the source states the date '2019-03-05', and --date replaces it" in " ".join(out.split())
@@ -113,8 +113,8 @@ def test_a_range_of_firmware_is_part_of_the_key(fleet: Path, tmp_path: Path) -> 
 
 def test_a_serial_number_is_hashed(fleet: Path, tmp_path: Path) -> None:
     add(xml(tmp_path / "a.xml"), "--serial", "0V2ABC1234567")
-    [path] = Registry.open(fleet).snapshot().proposed
-    assert path == f"proposals/dji/fc6310r/sn-{hash_serial('DJI', '0V2ABC1234567')}/5472x3648.yaml"
+    [path] = Registry.open(fleet).snapshot().cameras
+    assert path == f"cameras/dji/fc6310r/sn-{hash_serial('DJI', '0V2ABC1234567')}/5472x3648.yaml"
     assert "0V2ABC1234567" not in git(fleet, "log", "-p", "--no-textconv")
 
 

@@ -63,7 +63,7 @@ def test_a_new_k_of_an_approved_camera_waits_beside_it(
         Status.APPROVED,
         3660.5,
     )
-    proposed = held(fleet, f"proposals/{P4R}").entry
+    proposed = held(fleet, f"{P4R}@proposed").entry
     assert (proposed.status, proposed.calibration.intrinsics.fx) == (Status.DRAFT, 3663.0)
 
 
@@ -125,6 +125,8 @@ def test_the_registrys_own_policy_decides(
     ours = '{schema: "calibrary/policy-1", name: "ours", principal_point_drift_max: 0.0001}'
     configuration.write_text(configuration.read_text().replace('policy: "fleet"\n', f"policy: {ours}\n"))
     git(fleet, "commit", "--quiet", "-am", "Ask for more")
+    oid = git(fleet, "rev-parse", "HEAD:registry.yaml")
+    assert run(capsys, "approve", "registry.yaml", "--digest", oid)[0] == 0
     assert run(capsys, "add", xml(tmp_path / "a.xml"), *CAMERA, "--approve", "--yes")[0] == 1
 
 
@@ -153,7 +155,7 @@ def test_an_entry_edited_by_hand_in_the_work_tree_is_sealed_and_says_so(fleet: P
     file.write_text("".join(lines).replace("fx: 3660.5", "fx: 3661.5"))
     add(file, "--reason", "typing error", camera=())
     assert held(fleet).entry.calibration.intrinsics.fx == 3660.5
-    calibration = held(fleet, f"proposals/{P4R}").entry.calibration
+    calibration = held(fleet, f"{P4R}@proposed").entry.calibration
     assert calibration.intrinsics.fx == 3661.5
     assert "numbers changed by hand" in calibration.provenance.assumptions
     assert (calibration.provenance.date, calibration.provenance.operator) == (None, None)

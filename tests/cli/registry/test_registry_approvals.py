@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 
 from calibrary.cli.main import main
+from calibrary.records import replace
 from calibrary.registry.checks import check_range
 from calibrary.registry.entry import Status
-from calibrary.registry.entry_yaml import entry_yaml
+from calibrary.registry.entry_yaml import entry_yaml, parse_entry
 from calibrary.registry.registry import Registry
 from tests.cli.registry.direct import put_bytes
 from tests.cli.registry.fleets import P4R, add, commit_of, held, looked_at, printed, run, xml
@@ -99,13 +100,13 @@ class TestRules:
         by(monkeypatch, "Bob")
         code, out, err = run(capsys, "approve", *shown)
         assert (code, "1 of 2 approvals" in " ".join((out + err).split())) == (0, True)
-        assert held(fleet).path.startswith("proposals/")
+        assert held(fleet).is_pending
         # Once more by the same person is one person.
         run(capsys, "approve", *shown)
-        assert held(fleet).path.startswith("proposals/")
+        assert held(fleet).is_pending
         by(monkeypatch, "Cy")
         assert run(capsys, "approve", *shown)[0] == 0
-        assert held(fleet).path.startswith("cameras/")
+        assert not held(fleet).is_pending
         approved = printed(capsys, "registry-show-1", "show", P4R)["approved"]
         assert {one["by"] for one in approved} == {"Bob", "Cy"}
         assert unapproved(fleet, base) == []
@@ -119,23 +120,21 @@ class TestRules:
     ) -> None:
         asks(fleet, "approvals: {count: 2}\n", capsys)
         add(xml(tmp_path / "a.xml"), "--approve")
-        assert held(fleet).path.startswith("proposals/")
+        assert held(fleet).is_pending
         by(monkeypatch, "Bob")
         assert run(capsys, "approve", *looked_at(fleet, P4R))[0] == 0
-        assert held(fleet).path.startswith("cameras/")
+        assert not held(fleet).is_pending
 
-    def test_a_status_written_by_hand_is_an_error_until_somebody_approves_it(
+    def test_what_is_written_by_hand_is_proposed_until_somebody_approves_it(
         self, fleet: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
-        base = commit_of(fleet)
         put_bytes(fleet, {an_entry().path: entry_yaml(an_entry())})
-        assert unapproved(fleet, base) == ["nothing that counts approves it"]
-        assert run(capsys, "check")[0] == 1
+        assert run(capsys, "check")[0] == 0
+        assert held(fleet, "fc6310r").entry.status is Status.DRAFT
         assert run(capsys, "approve", *looked_at(fleet, "fc6310r"))[0] == 0
-        assert unapproved(fleet, base) == []
         assert held(fleet, "fc6310r").entry.status is Status.APPROVED
 
-    def test_a_file_that_cannot_be_read_is_not_to_be_approved(
+    def test_a_file_that_cannot_be_read_takes_nothing_out_of_use(
         self, fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         add(xml(tmp_path / "a.xml"))
@@ -143,11 +142,9 @@ class TestRules:
         stored = held(fleet)
         put_bytes(fleet, {stored.path: entry_yaml(stored.entry).replace(b"fx: 3660.5", b"fx: 3160.5")})
         code, out, _ = run(capsys, "check")
-        broken, instead = (line for line in out.splitlines() if line.startswith(stored.path))
+        [broken] = (line for line in out.splitlines() if line.startswith(stored.path))
         assert (code, broken.endswith("(digest)")) == (1, True)
-        assert instead.endswith(
-            "error: its file cannot be read: the last approved revision is used (approval)"
-        )
+        assert held(fleet).entry == stored.entry
 
     def test_what_registry_yaml_asks_for_is_in_force_once_it_is_approved(
         self, fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -156,7 +153,7 @@ class TestRules:
         file.write_text(f"{file.read_text()}{TWO}")
         git(fleet, "commit", "--quiet", "-am", "Ask for approvals")
         add(xml(tmp_path / "a.xml"), "--approve")
-        assert "asks for other approvals than those in force" in run(capsys, "check")[1]
+        assert "asks for other rules than those in force" in run(capsys, "check")[1]
         with pytest.raises(SystemExit):
             run(capsys, "approve", "registry.yaml")
         assert "--digest" in capsys.readouterr().err
@@ -239,30 +236,36 @@ class TestKeys:
         assert (code, said in err) == (4, True)
 
 
-class TestWithoutStatements:
+class TestWithoutApprovals:
+    """Rules that ask for nobody's approval: what stands in cameras/ is used."""
+
     @pytest.fixture
-    def old(self, fleet: Path) -> Path:
-        """A registry whose files alone say what is in use."""
-        file = fleet / "registry.yaml"
-        file.write_text(file.read_text().replace("layout: 2", "layout: 1"))
-        git(fleet, "rm", "-rq", "statements")
-        git(fleet, "commit", "-qam", "As before")
-        put_bytes(fleet, {an_entry().path: entry_yaml(an_entry(label="Hugo"))})
-        git(fleet, "reset", "-q", "--hard")
+    def free(self, fleet: Path, capsys: pytest.CaptureFixture[str]) -> Path:
+        assert asks(fleet, "approvals: {count: 0}\n", capsys)[0] == 0
         return fleet
 
-    def test_its_files_are_read(self, old: Path, capsys: pytest.CaptureFixture[str]) -> None:
-        assert run(capsys, "resolve", "dji/fc6310r")[0] == run(capsys, "check")[0] == 0
-        assert held(old, "Hugo").entry.status is Status.APPROVED
+    def test_what_is_added_is_used_and_edited_by_hand(self, free: Path, tmp_path: Path) -> None:
+        add(xml(tmp_path / "a.xml"))
+        assert held(free).entry.status is Status.APPROVED
+        data = (free / held(free).path).read_bytes()
+        other = replace(parse_entry(data, "x"), tolerance=0.02, label="Hugo")
+        put_bytes(free, {other.path: entry_yaml(other)})
+        assert held(free, "Hugo").entry == replace(other, status=Status.APPROVED)
+        assert git(free, "log", "--format=%s", "-2").splitlines()[-1].startswith("Add")
 
-    def test_approvals_that_it_asks_for_are_proven_by_nothing(
-        self, old: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    def test_a_retirement_ends_it_until_it_is_approved_again(
+        self, free: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
-        file = old / "registry.yaml"
-        file.write_text(f"{file.read_text()}approvals: {{count: 1}}\n")
-        git(old, "commit", "-qam", "Ask for approvals")
-        code, out, _ = run(capsys, "check")
-        assert (code, "nothing proves" in " ".join(out.split())) == (1, True)
-        add(xml(tmp_path / "a.xml", 3662.0))
-        code, _, err = run(capsys, "approve", *looked_at(old, P4R))
-        assert (code, "nothing proves" in " ".join(err.split())) == (4, True)
+        add(xml(tmp_path / "a.xml"))
+        assert run(capsys, "retire", P4R, "--reason", "sold")[0] == 0
+        assert held(free).entry.status is Status.RETIRED
+        assert run(capsys, "resolve", P4R)[0] == 4
+        assert run(capsys, "approve", P4R, "--yes")[0] == 0
+        assert held(free).entry.status is Status.APPROVED
+
+    def test_a_file_that_cannot_be_read_is_refused(
+        self, free: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        add(xml(tmp_path / "a.xml"))
+        put_bytes(free, {held(free).path: b"fx: [1"})
+        assert run(capsys, "resolve", P4R)[0] == 4

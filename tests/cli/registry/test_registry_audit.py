@@ -34,7 +34,7 @@ distortion_coefficients: !!opencv-matrix
 avg_reprojection_error: 0.31
 """
 UNIT = "f41c07aa9e"
-STATUS = 'status: "approved"\n'
+GRADE = 'grade: "adjusted"\n'
 
 
 def test_a_k_that_waits_beside_the_one_in_use_is_noted(
@@ -45,7 +45,7 @@ def test_a_k_that_waits_beside_the_one_in_use_is_noted(
     document = audited(capsys, flight)
     (finding,) = (one for one in document["findings"] if one["rule"] == "another K proposed")
     assert (finding["severity"], finding["place"]) == ("note", P4R)
-    shown = f"proposals/{P4R}"
+    shown = f"{P4R}@proposed"
     assert finding["remedy"] == f"calibrary diff {P4R} {shown}, then calibrary registry approve {P4R}"
     assert run(capsys, "show", shown)[0] == 0
 
@@ -103,8 +103,7 @@ def restate(fleet: Path, old: str, new: str) -> None:
 def test_a_validity_that_is_over_is_told_of_what_flies_and_of_what_does_not(
     fleet: Path, flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    approved(fleet, xml(tmp_path / "a.xml"))
-    restate(fleet, STATUS, f'{STATUS}validity: {{from: "2024-01-01", until: "2025-01-01"}}\n')
+    approved(fleet, xml(tmp_path / "a.xml"), "--valid-from", "2024-01-01", "--valid-until", "2025-01-01")
     assert rules(audited(capsys, flight)) == ["expired in use"]
     phantom(tmp_path / "else" / "b.jpg", model="FC330", dewarp=None)
     assert "validity over" in rules(audited(capsys, tmp_path / "else"), "warning")
@@ -182,7 +181,7 @@ def test_a_k_beyond_the_entrys_tolerance_is_a_drift(
     [finding] = audited(capsys, flight)["findings"]
     assert (finding["rule"], finding["severity"]) == ("K drifted", "error")
     assert "px rms" in finding["message"]
-    restate(fleet, STATUS, f"{STATUS}tolerance: 0.05\n")
+    restate(fleet, GRADE, f"{GRADE}tolerance: 0.05\n")
     assert rules(audited(capsys, flight)) == rules(audited(capsys, flight), "note") == ["units differ"]
 
 

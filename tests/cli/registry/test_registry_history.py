@@ -27,7 +27,7 @@ def kept(fleet: Path, filled: Filled) -> Path:
 def test_a_log_tells_what_every_commit_changed_in_k(kept: Path, capsys: pytest.CaptureFixture[str]) -> None:
     revisions = printed(capsys, "registry-log-1", "log", "fc6310r")["revisions"]
     assert [one["reason"] for one in revisions] == ["new firmware", "checked", "first flight"]
-    assert [one["status"] for one in revisions] == ["approved", "approved", "draft"]
+    assert [one["actions"] for one in revisions] == [["approve"], ["approve"], []]
     assert [one["firmware"] for one in revisions] == ["01.09", "01.08", "01.08"]
     assert [one["delta_K"]["fx"] if one["delta_K"] else None for one in revisions] == [2.5, 0.0, None]
     assert [one["commit"] for one in revisions] == git(kept, "log", "--format=%H", "-3").splitlines()
@@ -135,5 +135,5 @@ def test_one_entry_that_cannot_be_read_does_not_hide_the_others(
     file.write_text(file.read_text().replace("fx: 3663.0", "fx: 3999.5"))
     git(kept, "commit", "--quiet", "-am", "Break the seal")
     code, out, err = run(capsys, "list")
-    assert (code, "4864x3648" in out) == (0, True)
-    assert f"so that is not used: {P4R}" in " ".join(err.split())
+    assert (code, "4864x3648" in out, P4R in out) == (1, True, True)
+    assert f"cameras/{P4R}.yaml" in err

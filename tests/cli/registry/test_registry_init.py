@@ -14,12 +14,13 @@ from calibrary.distortion import MODELS
 from calibrary.errors import InputError
 from calibrary.policy import SOURCE
 from calibrary.registry.configuration import configuration_yaml, parse_configuration
-from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.entry_yaml import entry_yaml, parse_entry
 from calibrary.registry.init import example_entry
 from calibrary.registry.registry import Registry
+from calibrary.registry.snapshot import StoredEntry
 from calibrary.schemas import require
 from calibrary.strictyaml import load_yaml
-from tests.cli.registry.fleets import CAMERA, P4R, add, run, xml
+from tests.cli.registry.fleets import CAMERA, P4R, add, held, run, xml
 from tests.registry.git.repositories import git
 
 FILES = [
@@ -30,17 +31,17 @@ FILES = [
     ".vscode/settings.json",
     "DISTORTION.md",
     "README.md",
+    "events/rules/FOUNDATION",
     "registry.yaml",
     "schema/entry-1.schema.json",
     "schema/registry-1.schema.json",
-    "statements/rules/FOUNDATION",
 ]
 
 
 def named(files: Iterable[str]) -> list[str]:
     """The files without the name of the first statement, which says when it was made."""
     return [
-        re.sub("(statements/rules/).*-found-ada_keeper-[0-9a-f]{32}.json", r"\1FOUNDATION", file)
+        re.sub("(events/rules/).*-found-ada_keeper-[0-9a-f]{32}.json", r"\1FOUNDATION", file)
         for file in files
     ]
 
@@ -191,7 +192,7 @@ def test_a_bare_registry_takes_entries(tmp_path: Path, capsys: pytest.CaptureFix
     ("before", "after", "place"),
     [
         ('schema: "calibrary/registry-1"', 'schema: "calibrary/registry-2"', "schema"),
-        ("layout: 2", "layout: 3", "layout"),
+        ("layout: 3", "layout: 4", "layout"),
         ('entries: "calibrary/entry-1"', 'entries: "calibrary/entry-9"', "entries"),
     ],
 )
@@ -234,9 +235,45 @@ def test_the_configuration_it_writes_reads_back() -> None:
 
 def test_limits_of_its_own_are_in_the_configuration() -> None:
     text = (
-        b'schema: "calibrary/registry-1"\nlayout: 1\n'
+        b'schema: "calibrary/registry-1"\nlayout: 3\n'
         b'policy: {schema: "calibrary/policy-1", name: "ours", principal_point_drift_max: 0.02}\n'
     )
     assert parse_configuration(text).policy.principal_point_drift_max == 0.02
     with pytest.raises(InputError):
         parse_configuration(text.replace(b"0.02", b"2"))
+
+
+def test_a_registry_of_the_former_layout_is_brought_to_this_one(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    add(xml(tmp_path / "a.xml"), "--approve")
+    used = held(fleet)
+    add(xml(tmp_path / "b.xml", 3700.0))
+    waits = held(fleet, f"{P4R}@proposed")
+    as_in_the_former_layout(fleet, used)
+    code, _, err = run(capsys, "list")
+    assert (code, "init FOLDER --migrate" in err) == (4, True)
+    assert run(capsys, "init", fleet, "--migrate")[0] == 0
+    assert held(fleet).entry == used.entry
+    assert held(fleet, f"{P4R}@proposed").entry == waits.entry
+    assert not any((fleet / former).exists() for former in ("proposals", "statements"))
+    assert (run(capsys, "check")[0], git(fleet, "status", "--porcelain")) == (0, "")
+    assert run(capsys, "init", fleet, "--migrate")[0] == 4
+
+
+def as_in_the_former_layout(fleet: Path, used: StoredEntry) -> None:
+    """A proposal beside the entry in use, each with its status, and the statements in their former folder."""
+    git(fleet, "mv", "events", "statements")
+    (fleet / f"proposals/{used.id}").parent.mkdir(parents=True)
+    git(fleet, "mv", used.path, f"proposals/{used.path.removeprefix('cameras/')}")
+    for path, data, status in (
+        (used.path, entry_yaml(used.entry), "approved"),
+        (f"proposals/{used.id}.yaml", None, "draft"),
+    ):
+        text = (data or (fleet / path).read_bytes()).decode()
+        (fleet / path).parent.mkdir(parents=True, exist_ok=True)
+        (fleet / path).write_text(text.replace("\ndigest:", f'\nstatus: "{status}"\ndigest:'))
+    configuration = fleet / "registry.yaml"
+    configuration.write_text(configuration.read_text().replace("layout: 3", "layout: 2"))
+    git(fleet, "add", "--all")
+    git(fleet, "commit", "--quiet", "--message=As it was")

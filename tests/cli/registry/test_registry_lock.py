@@ -16,7 +16,7 @@ from calibrary.jobs.fleet import Fleet
 from calibrary.records import replace
 from calibrary.registry.entry import Status, Validity
 from calibrary.registry.locking import LOCK_FILE, read_lock
-from tests.cli.registry.direct import put, put_bytes
+from tests.cli.registry.direct import put
 from tests.cli.registry.fleets import P4R, add, printed, run, xml
 from tests.jobs.extract.fleet import picture
 from tests.registry.entries import an_entry
@@ -120,8 +120,6 @@ class TestLockedRun:
         code, fx, err = extracted(capsys, "--registry", fleet, "--locked")
         assert (code, fx) == (0, 3661.25)
         assert "was retired (lens was swapped)" in err
-        put_bytes(fleet, {ENTRY.path: None})
-        assert "is gone" in extracted(capsys, "--registry", fleet, "--locked")[2]
 
     def test_an_earlier_period_gets_its_k_as_the_pinned_commit_has_it(
         self, fleet: Path, flight: Path, capsys: pytest.CaptureFixture[str]

@@ -11,7 +11,6 @@ from calibrary.jobs.fleet import Fleet
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import entry_yaml
-from calibrary.registry.paths import proposal_path
 from calibrary.validation import Finding
 from tests.cli.registry.direct import put, put_bytes
 from tests.cli.registry.fleets import CAMERA, P4R, commit_of, held, looked_at, printed, run, xml
@@ -37,7 +36,7 @@ def proposed(fleet: Path, wrong: Entry) -> tuple[Finding, ...]:
 
 def approved(fleet: Path, wrong: Entry) -> tuple[Finding, ...]:
     draft = replace(wrong, status=Status.DRAFT)
-    put_bytes(fleet, {proposal_path(wrong.path): entry_yaml(draft)})
+    put_bytes(fleet, {wrong.path: entry_yaml(draft)})
     return Fleet(fleet).propose_approval([wrong.id]).proposals.findings
 
 
@@ -61,8 +60,7 @@ def test_a_contradiction_is_an_error_whoever_it_is_of_and_however_it_comes(
     wrong, there, rule = REFERENCES[reference]
     put(fleet, an_entry(model="Another"), *there)
     found = WAYS[way](fleet, wrong)
-    own = {wrong.path, proposal_path(wrong.path)}
-    [printed] = [one for one in found if one.rule == rule and one.place in own]
+    [printed] = [one for one in found if one.rule == rule and one.place == wrong.path]
     assert printed.severity.value == "error"
     assert printed.remedy is not None
     assert "--force --reason" in printed.remedy

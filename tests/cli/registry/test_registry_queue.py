@@ -19,7 +19,6 @@ from calibrary.records import replace
 from calibrary.registry.configuration import Repeat
 from calibrary.registry.entry import Status, Validity
 from calibrary.registry.entry_yaml import entry_yaml
-from calibrary.registry.paths import proposal_path
 from tests.cli.registry.direct import put, put_bytes
 from tests.cli.registry.fleets import P4R, add, looked_at, printed, run, xml
 from tests.cli.registry.test_registry_approvals import TWO, asks, by
@@ -51,7 +50,7 @@ def test_a_proposal_waits_for_those_who_have_not_approved_it(
 ) -> None:
     assert asks(fleet, TWO, capsys)[0] == 0
     add(xml(tmp_path / "a.xml"))
-    key = f"proposals/{P4R}"
+    key = f"{P4R}@proposed"
     by(monkeypatch, "Bob")
     assert queue(capsys) == [("proposal", key, True)]
     code, out, _ = run(capsys, "status")
@@ -71,11 +70,11 @@ def test_a_proposal_waits_for_those_who_have_not_approved_it(
 
 def test_many_proposals_for_the_same_people_are_one(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
     drafts = [an_entry(model=f"M{number}", status=Status.DRAFT) for number in range(6)]
-    put_bytes(fleet, {proposal_path(one.path): entry_yaml(one) for one in drafts})
+    put_bytes(fleet, {one.path: entry_yaml(one) for one in drafts})
     assert len(queue(capsys)) == 6
     _, out, _ = run(capsys, "status")
     assert out.splitlines()[1].split() == ["proposal", "6", "×", "you", "today"]
-    assert "proposals/dji/m2/5472x3648+f8.8 and 3 more" in out
+    assert "dji/m2/5472x3648+f8.8@proposed and 3 more" in " ".join(out.split())
     assert out.splitlines()[-1].startswith("6 for Ada Keeper")
 
 
@@ -114,7 +113,7 @@ def test_a_branch_is_approved_with_all_that_it_proposes(
 
 def test_a_statement_without_effect_comes_first(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
     put(fleet, an_entry(validity=Validity(last=TODAY)))
-    false = fleet / "statements/dji/fc6310r" / ("0" * 32)
+    false = fleet / "events/dji/fc6310r" / ("0" * 32)
     false.parent.mkdir(parents=True, exist_ok=True)
     false.write_text("{}\n")
     git(fleet, "add", "--all")
@@ -225,7 +224,7 @@ def test_a_proposal_of_a_branch_comes_with_who_proposed_it_and_people_go_by_thei
     git(fleet, "switch", "--quiet", "-")
     [waiting] = printed(capsys, "registry-status-1", "status")["matters"]
     assert (waiting["yours"], waiting["waits_for"]) == (False, ["ada", "cy"])
-    proposed = git(fleet, "rev-parse", f"payload:proposals/{P4R}.yaml")
+    proposed = git(fleet, "rev-parse", f"payload:cameras/{P4R}.yaml")
     assert (
         "not among those who approve" in run(capsys, "approve", "--from", "payload", "--digest", proposed)[2]
     )

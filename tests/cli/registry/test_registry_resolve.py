@@ -248,7 +248,7 @@ def test_the_day_it_is_for_and_the_state_of_the_registry_are_two_things(
     by_day = ["resolve", "dji/fc6310r", "--on", "2026-04-30"]
     earlier = printed(capsys, "resolution-1", *by_day)
     assert (earlier["calibration"]["intrinsics"]["fx"], earlier["commit"] != first) == (3600.0, True)
-    assert f"by its revision of {first[:12]}" in earlier["why"]
+    assert "by what was approved for the days until 2026-04-30" in earlier["why"]
     answer = printed(capsys, "resolution-1", *by_day, "--at", first)
     assert (answer["calibration"]["intrinsics"]["fx"], answer["commit"]) == (3600.0, first)
     assert printed(capsys, "resolution-1", "resolve", P4R, "--on", "2026-05-01")["on"] == "2026-05-01"
@@ -322,8 +322,7 @@ def test_what_is_proposed_is_mentioned_and_not_used(
     add(xml(tmp_path / "new.xml", 3670.0))
     answer = printed(capsys, "resolution-1", "resolve", P4R)
     assert answer["calibration"]["intrinsics"]["fx"] == 3661.25
-    assert answer["entry"]["proposal"] == f"proposals/{P4R}.yaml"
-    assert answer["near"][0]["path"] == f"proposals/{P4R}.yaml"
+    assert answer["entry"]["proposal"] == f"{P4R}@proposed"
     assert "approved, proposal pending" in run(capsys, "list")[1]
     assert "another K waits for approval" in " ".join(run(capsys, "show", P4R)[1].split())
 

@@ -119,9 +119,9 @@ def test_what_it_was_cannot_be_changed(verb: str, why: str, capsys: pytest.Captu
 
 def test_a_proposal_that_is_not_wanted_is_withdrawn(drafts: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(capsys, "retire", P4R, "--reason", "blurred frames")[0] == 0
-    assert f"proposals/{P4R}.yaml" not in Registry.open(drafts).snapshot().proposed
+    assert f"cameras/{P4R}.yaml" not in Registry.open(drafts).snapshot().cameras
     printed = git(drafts, "log", "-1", "--format=%s|%(trailers:key=Reason,valueonly)")
-    assert printed == f"Retire {P4R}|blurred frames"
+    assert printed == f"Withdraw {P4R}|blurred frames"
 
 
 class TestAnApprovalIsOfWhatWasLookedAt:
@@ -181,7 +181,7 @@ def test_an_unknown_camera_is_told_with_the_nearest(capsys: pytest.CaptureFixtur
     assert (code, "dji/fc6310r" in err) == (4, True)
 
 
-def test_an_entry_that_changes_under_the_decision_is_a_conflict(
+def test_an_approval_is_of_what_was_looked_at_whatever_is_written_meanwhile(
     drafts: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def after_another(*given: Any, **named: Any) -> Written:
@@ -189,10 +189,11 @@ def test_an_entry_that_changes_under_the_decision_is_a_conflict(
         add(xml(tmp_path / "theirs.xml", 3661.0))
         return write_changes(*given, **named)
 
+    seen = held(drafts).entry
     monkeypatch.setattr(proposals, "write_changes", after_another)
-    code, _, err = run(capsys, "approve", *looked_at(drafts, P4R))
-    assert (code, "nothing was written" in err) == (4, True)
-    assert held(drafts).entry.status is Status.DRAFT
+    assert run(capsys, "approve", *looked_at(drafts, P4R))[0] == 0
+    assert held(drafts).entry.calibration == seen.calibration
+    assert held(drafts, f"{P4R}@proposed").entry.calibration.intrinsics.fx == 3661.0
 
 
 def test_a_k_that_is_wrong_is_retired_from_a_day_on(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -211,4 +212,4 @@ def test_what_nobody_approved_is_not_pinned(fleet: Path, capsys: pytest.CaptureF
     new = an_entry(model="FC330")
     put_bytes(fleet, {new.path: entry_yaml(new)})
     code, _, err = run(capsys, "lock", new.id, "--out", fleet.parent / "a.lock")
-    assert (code, "only what is approved is pinned" in err) == (4, True)
+    assert (code, "not approved, so not used" in " ".join(err.split())) == (4, True)

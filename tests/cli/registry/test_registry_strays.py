@@ -28,7 +28,6 @@ PLACES = (
     "cameras/dji",
     "cameras/dji/fc6310r",
     f"cameras/dji/fc6310r/sn-{'0e25' * 4}",
-    "proposals/dji/fc6310r",
 )
 JUNK = {
     "README.md": b"# Our cameras\n",
@@ -115,6 +114,7 @@ def test_a_damaged_file_of_an_entry_refuses_that_camera_alone(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     folder = shutil.copytree(clean, tmp_path / "fleet", ignore=shutil.ignore_patterns(".git"))
+    shutil.rmtree(folder / "events")
     (folder / USED[1].path).write_bytes(data)
     monkeypatch.setenv("CALIBRARY_REGISTRY", f"folder:{folder}")
     monkeypatch.chdir(tmp_path)
@@ -133,7 +133,7 @@ def test_a_registry_with_a_damaged_configuration_answers_by_its_last_one(
     fleet = shutil.copytree(clean, tmp_path / "fleet")
     before = Fleet(fleet).snapshot.configuration
     file = fleet / "registry.yaml"
-    file.write_text(file.read_text() + "layout: 2\n")
+    file.write_text(file.read_text() + "layout: 3\n")
     git(fleet, "commit", "--quiet", "-am", "a key twice")
     monkeypatch.setenv("CALIBRARY_REGISTRY", str(fleet))
     assert Fleet(fleet).snapshot.configuration.policy == before.policy

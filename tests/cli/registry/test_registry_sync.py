@@ -275,33 +275,6 @@ def tagged(entry: Entry, *tags: str, notes: tuple[str, ...] = ()) -> Entry:
     return replace(entry, tags=(*entry.tags, *tags), calibration=calibration)
 
 
-def test_a_tag_of_one_and_a_focal_length_of_the_other_come_together(
-    fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    put(fleet, changed(3600.0))
-    run(capsys, "sync")
-    put(twin, tagged(MINE, "coast"), subject="Tag it")
-    put(twin, tagged(MINE, "coast", notes=("repaired",)), subject="And say why")
-    assert printed(capsys, "registry-sync-1", "sync", "--registry", twin)["replayed"] == 2
-    entry = held(twin, P4R).entry
-    assert (entry.tags, entry.notes[-1], fx_of(twin)) == (("coast",), "repaired", 3600.0)
-    assert "fc6310r" not in run(capsys, "check", "--registry", twin)[1]
-
-
-@pytest.mark.thorough
-def test_tags_of_both_come_together_and_one_that_either_took_away_is_gone(
-    fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    put(fleet, tagged(MINE, "coast", "old"))
-    run(capsys, "sync")
-    run(capsys, "sync", "--registry", twin)
-    put(fleet, tagged(MINE, "coast", "old", "north"))
-    run(capsys, "sync")
-    put(twin, tagged(MINE, "coast", "south"))
-    run(capsys, "sync", "--registry", twin)
-    assert held(twin, P4R).entry.tags == ("coast", "north", "south")
-
-
 def test_two_labels_of_one_unit_are_a_conflict(
     fleet: Path, twin: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -479,7 +452,6 @@ class TestStatements:
         run(capsys, "init", tmp_path / "twin", "--remote", tmp_path / "remote.git")
         for place in (fleet, tmp_path / "twin"):
             assert run(capsys, "list", "--registry", place)[0] == 0
-            assert Registry.open(place).snapshot().is_stated
         return fleet, tmp_path / "twin"
 
     @staticmethod

@@ -124,7 +124,7 @@ class TestLabel:
     ) -> None:
         camera = ("--make", "DJI", "--model", "FC6310R", "--serial", SERIALS[1])
         assert run(capsys, "add", xml(tmp_path / "c.xml", 3657.0), *camera, "--yes")[0] == 0
-        proposed = held(six, "proposals/P4R-02").entry
+        proposed = held(six, "P4R-02@proposed").entry
         assert (proposed.label, proposed.calibration.intrinsics.fx) == ("P4R-02", 3657.0)
 
     def test_add_labels_and_tags_a_new_unit(
@@ -275,9 +275,9 @@ class TestTagsAndEdits:
     ) -> None:
         assert run(capsys, "set", "P4R-03", "valid-until=2030-12-31", "--yes")[0] == 0
         assert held(six, "P4R-03").entry.validity is None
-        proposed = held(six, "proposals/P4R-03").entry
+        proposed = held(six, "P4R-03@proposed").entry
         assert str(proposed.validity) == "until 2030-12-31"
-        assert run(capsys, "approve", "P4R-03", "--digest", str(held(six, "proposals/P4R-03").oid))[0] == 0
+        assert run(capsys, "approve", "P4R-03", "--digest", str(held(six, "P4R-03@proposed").oid))[0] == 0
         assert str(held(six, "P4R-03").entry.validity) == "until 2030-12-31"
 
 

@@ -54,7 +54,7 @@ def test_what_was_never_measured_has_no_age() -> None:
 
 RULES = """\
 schema: "calibrary/registry-1"
-layout: 2
+layout: 3
 repeat:
   - {of: "dji", months: 18}
   - {of: "DJI/FC6310R/", firmware: "01.02.0000"}

@@ -155,7 +155,7 @@ def damaged(desk: Path) -> None:
 
 def unreadable_proposal(desk: Path) -> None:
     proposed(3661.0)(desk)
-    [file] = (desk / "fleet/proposals").rglob("*.yaml")
+    [file] = (desk / "fleet/cameras").rglob("*.yaml")
     file.write_text("nonsense")
     git(desk / "fleet", "commit", "-qam", "by hand")
 
@@ -196,7 +196,7 @@ CASES = {
     "flight's draft of the unit": Case(of_the_unit, [(WAITING, "warning")], [], "findings"),
     "silent images, by the catalogue": Case(silent, [], [], "clean"),
     "damaged image": Case(damaged, [], [], "incomplete"),
-    "unreadable proposal": Case(unreadable_proposal, [], [f"proposals/{P4R}"], "incomplete"),
+    "unreadable proposal": Case(unreadable_proposal, [], [f"{P4R}@proposed"], "incomplete"),
 }
 
 
@@ -307,6 +307,7 @@ def test_the_remedy_of_a_validity_that_is_over_can_be_done(
     desk: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     flags = ("--valid-from", "2020-01-01", "--valid-until", "2021-01-01", "--reason", "only that year")
+    assert main(["registry", "retire", P4R, "--reason", "not for ever"]) == 0
     add(desk / "used.xml", "--approve", "--date", TODAY, *flags)
     [finding] = heard(capsys).document["findings"]
     assert (finding["rule"], finding["severity"]) == ("expired in use", "error")
@@ -327,7 +328,7 @@ def test_a_remedy_names_the_registry_that_was_named(
     said = " ".join(capsys.readouterr().out.split())
     place = "--registry fleet"
     assert (
-        f"→ calibrary diff {place} {P4R} proposals/{P4R}, then calibrary registry approve {place} {P4R}"
+        f"→ calibrary diff {place} {P4R} {P4R}@proposed, then calibrary registry approve {place} {P4R}"
         in said
     )
     command = said.partition("→ calibrary ")[2].partition(", then")[0].split()

@@ -48,7 +48,7 @@ def opened(tab: Open) -> Tab:
     """The page of the proposal, by the way that a person takes."""
     one = tab()
     one.page.get_by_role("link", name="Review").click()
-    one.page.get_by_role("link", name=f"proposals/{CAMERA}").click()
+    one.page.get_by_role("link", name=f"{CAMERA}@proposed").click()
     return one
 
 
@@ -67,7 +67,7 @@ def test_a_proposal_is_approved_beside_what_it_replaces(tab: Open, fleet: Path) 
     assert f"{PROPOSED:.2f}" in shown
     assert one.page.locator("svg.plot").count() >= 1
     said = decide(one, "Approve", "Why, for", "measured again")
-    assert "Approve proposals/dji/fc6310r/5472x3648+f8.8: done" in said
+    assert "Approve dji/fc6310r/5472x3648+f8.8: done" in said
     assert "Nothing waits." in said
     assert fx(fleet) == PROPOSED
     assert git(fleet, "log", "-1", "--format=%an <%ae> %B").startswith("Ada Keeper <ada@example.com> Approve")
@@ -163,7 +163,7 @@ def test_a_locked_key_asks_nobody_and_says_what_to_do(
     assert "BEGIN SSH SIGNATURE" in git(fleet, "cat-file", "commit", "HEAD")
 
 
-@pytest.mark.parametrize("page", ["/review", f"/review/one?key=proposals/{CAMERA.replace('+', '%2B')}"])
+@pytest.mark.parametrize("page", ["/review", f"/review/one?key={CAMERA.replace('+', '%2B')}@proposed"])
 def test_pages_are_quiet_small_and_readable(tab: Open, page: str) -> None:
     one = tab()
     answer = one.page.goto(one.home + page)

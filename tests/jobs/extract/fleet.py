@@ -20,10 +20,14 @@ from calibrary.jobs.extract.report import ExtractReport
 from calibrary.jobs.extract.run import run
 from calibrary.jobs.images.accumulator import undated
 from calibrary.policy import FLEET, Policy
+from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
+from calibrary.registry.init import init
+from calibrary.registry.registry import Registry
 from tests.evidence.scenes import M3T_THERMAL, M3T_WIDE, P4_RTK, PHANTOM_3, SKYDIO_2
 from tests.imagery import ExifTags, Namespace, XmpDescription, XmpPacket, attributes, write_jpeg
 from tests.imagery.jpeg import Segment
+from tests.registry.entries import put_entries
 
 DJI = Namespace("drone-dji", "http://www.dji.com/drone-dji/1.0/")
 DEWARP = "2019-03-05;3660.5,3655.25,-4.5,22.75,-0.268,0.112,0.0008,-0.0001,-0.034"
@@ -96,14 +100,26 @@ def files(registry: Path) -> Path:
     return Path(f"folder:{registry}")
 
 
+def in_git(folder: Path, *entries: Entry) -> Path:
+    """A registry in git with entries: those in use, and what is proposed."""
+    registry = Registry.open(folder if folder.exists() else init(folder).place)
+    there = registry.snapshot().cameras
+    put_entries(registry, [(one, there.get(one.path)) for one in entries], "Put\n")
+    return folder
+
+
+def stated(registry: Path, **fields: Any) -> Entry:
+    """What the file of :func:`entry` says."""
+    return parse_entry(entry(registry, **fields).read_bytes(), "entry", require_digest=False)
+
+
 def entry(registry: Path, *, fx: float = 3661.25, **fields: Any) -> Path:
     """A registry entry of a Phantom 4 RTK, at the path of its camera; ``fields`` with None are left out of it."""
-    status = fields.pop("status", "approved")
     width, height = fields.pop("image_size", (5472, 3648))
     camera = {"make": "DJI", "model": "FC6310R"} | fields
     stated = "".join(f"  {key}: {value}\n" for key, value in camera.items() if value is not None)
     text = (
-        f"schema: calibrary/entry-1\nstatus: {status}\ncamera:\n{stated}  image_size: [{width}, {height}]\n"
+        f"schema: calibrary/entry-1\ncamera:\n{stated}  image_size: [{width}, {height}]\n"
         f"intrinsics: {{pixel_origin: corner, fx: {fx}, fy: {fx}, cx: {width / 2}, cy: {height / 2}}}\n"
         "distortion: {model: brown, k1: -0.26, k2: 0.11, p1: 0.0, p2: 0.0, k3: -0.03}\ngrade: calibrated\n"
     )

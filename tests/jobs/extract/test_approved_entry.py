@@ -12,8 +12,11 @@ from calibrary.cli.main import main
 from calibrary.distortion import BrownConrady
 from calibrary.jobs.extract.extraction import JudgedCamera
 from calibrary.policy import FLEET, SOURCE, Policy
+from calibrary.records import replace
+from calibrary.registry.entry import Status
+from calibrary.registry.entry_yaml import parse_entry
 from calibrary.validation import Verdict
-from tests.jobs.extract.fleet import DEWARP, P4R, entry, files, gate, only, picture, plan
+from tests.jobs.extract.fleet import DEWARP, P4R, entry, files, gate, in_git, only, picture, plan, stated
 
 DERIVED = 8.8 / 0.0024
 CASES: list[tuple[str, float, dict[str, Any], Policy, float, str]] = [
@@ -24,13 +27,12 @@ CASES: list[tuple[str, float, dict[str, Any], Policy, float, str]] = [
     ("contradicting", 3900.0, {}, FLEET, DERIVED, "unproven"),
     ("contradicting a calibration and the catalogue", 3900.0, {"dewarp": DEWARP}, FLEET, 3660.5, "valid"),
     ("the camera removed the distortion", 3661.25, {"drone_dji:DewarpFlag": "1"}, FLEET, DERIVED, "valid"),
-    ("a draft", 3661.25, {"status": "draft"}, FLEET, DERIVED, "valid"),
 ]
 
 
 def ran(folder: Path, fx: float, tags: dict[str, Any], policy: Policy = FLEET) -> JudgedCamera:
     tags = dict(tags)
-    entry(folder / "registry", fx=fx, status=tags.pop("status", "approved"))
+    entry(folder / "registry", fx=fx)
     for number in range(2):
         picture(folder / f"flight/{number}.jpg", **P4R, **tags)
     return only(gate(folder / "flight", registry=files(folder / "registry"), policy=policy))
@@ -104,15 +106,16 @@ def test_a_contradiction_names_both(tmp_path: Path) -> None:
 def test_what_is_proposed_and_contradicts_the_k_in_use_is_reported(
     tmp_path: Path, fx: float, says: str | None
 ) -> None:
-    path = entry(tmp_path / "registry", fx=fx, status="draft")
-    path.write_text(
+    path = entry(tmp_path / "files", fx=fx)
+    text = (
         f"{path.read_text()}quality: {{std: {{fx: 15.0, fy: 15.0}}}}\n"
         'notes: ["start: not good enough to be kept fixed", "unstable: κ² is 5"]\n'
     )
+    proposed = parse_entry(text.encode(), "entry", require_digest=False)
     picture(tmp_path / "flight/0.jpg", **P4R)
-    report = gate(tmp_path / "flight", registry=files(tmp_path / "registry"))
+    report = gate(tmp_path / "flight", registry=in_git(tmp_path / "registry", proposed))
     assert only(report).calibration is not None
-    found = [text for text in report.warnings if "dji/fc6310r/5472x3648 is proposed and not approved" in text]
+    found = [text for text in report.warnings if "dji/fc6310r/5472x3648 is proposed" in text]
     assert len(found) == (says is not None)
     assert says is None or says in found[0]
 
@@ -138,28 +141,27 @@ OTHER_SIZE, OTHER_UNIT, OTHER_MODEL = (
 def test_a_flight_hears_of_what_is_proposed_in_place_of_the_entries_that_it_uses(
     tmp_path: Path, proposed: str, heard: bool
 ) -> None:
-    registry = tmp_path / "registry"
-    entry(registry)
-    entry(registry, image_size=(4864, 3648))
-    entry(registry, serial="other")
-    entry(registry, model="FC330", image_size=(4000, 3000))
-    waits = registry / f"proposals/{proposed}.yaml"
-    waits.parent.mkdir(parents=True)
-    waits.write_text((registry / f"cameras/{proposed}.yaml").read_text().replace("approved", "draft"))
+    folder = tmp_path / "files"
+    every = (
+        stated(folder),
+        stated(folder, image_size=(4864, 3648)),
+        stated(folder, serial="other"),
+        stated(folder, model="FC330", image_size=(4000, 3000)),
+    )
+    registry = in_git(tmp_path / "registry", *(replace(one, status=Status.APPROVED) for one in every))
+    in_git(registry, *(replace(one, tolerance=0.02) for one in every if one.id == proposed))
     picture(tmp_path / "flight/0.jpg", **P4R)
-    found = [
-        text for text in gate(tmp_path / "flight", registry=files(registry)).warnings if "proposed" in text
-    ]
+    found = [text for text in gate(tmp_path / "flight", registry=registry).warnings if "proposed" in text]
     assert len(found) == heard
     assert all(proposed in text for text in found)
 
 
 def test_without_a_k_what_is_proposed_is_named_and_no_start(tmp_path: Path) -> None:
-    entry(tmp_path / "registry", fx=3700.0, status="draft", make="Example", model="One")
+    proposed = stated(tmp_path / "files", fx=3700.0, make="Example", model="One")
     picture(tmp_path / "flight/0.jpg", make="Example", model="One")
-    camera = only(gate(tmp_path / "flight", registry=files(tmp_path / "registry")))
+    camera = only(gate(tmp_path / "flight", registry=in_git(tmp_path / "registry", proposed)))
     assert camera.calibration is None
     assert camera.fallback is not None
     assert camera.fallback.seed is not None
     assert camera.fallback.seed.intrinsics.fx != 3700.0
-    assert "example/one/5472x3648 is proposed and not approved" in camera.fallback.steps[-1].why
+    assert "example/one/5472x3648 is proposed" in camera.fallback.steps[-1].why

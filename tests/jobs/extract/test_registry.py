@@ -34,21 +34,6 @@ def test_an_entry_somebody_answers_for_is_used(tmp_path: Path) -> None:
     assert fx(served(tmp_path)) == 3661.25
 
 
-@pytest.mark.parametrize("status", ["draft", "retired"])
-def test_an_entry_nobody_answers_for_is_not(tmp_path: Path, status: str) -> None:
-    entry(tmp_path / "registry", status=status)
-    camera = served(tmp_path)
-    assert (camera.verdict, fx(camera)) == (Verdict.UNPROVEN, None)
-    assert camera.fallback is not None
-    assert "no approved entry" in camera.fallback.steps[-1].why
-
-
-def test_a_retired_entry_makes_room_for_its_successor(tmp_path: Path) -> None:
-    entry(tmp_path / "registry", status="retired", fx=3600.0, focal_mm=8.8)
-    entry(tmp_path / "registry")
-    assert fx(served(tmp_path)) == 3661.25
-
-
 def test_two_entries_that_fit_alike_are_an_error_that_names_both(tmp_path: Path) -> None:
     entry(tmp_path / "registry", focal_mm=8.8)
     entry(tmp_path / "registry", focal_mm=24.0)
@@ -139,7 +124,7 @@ def test_no_registry_is_an_error_and_not_an_empty_one(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("found", "place"),
-    [("status: approved", "line"), ("fx: 3661.25, ", "fx"), ("schema: calibrary/entry-1", "schema")],
+    [("grade: calibrated", "grade"), ("fx: 3661.25, ", "fx"), ("schema: calibrary/entry-1", "schema")],
 )
 def test_a_broken_entry_is_named(tmp_path: Path, found: str, place: str) -> None:
     path = entry(tmp_path / "registry")

@@ -117,7 +117,7 @@ def test_a_serial_number_is_hashed_before_it_is_proposed_or_asked_for(
     mine = calibrary.open_registry(tmp_path / "fleet")
     unit = calibrary.CameraKey(make="DJI", model="FC6310R", serial="0V2LG3H03")
     change = mine.propose(furnished / "camera.xml", camera=unit, terms=Terms(approve=True, reason="measured"))
-    assert [one.entry.id for one in change.proposals.items] == ["dji/fc6310r/sn-9bd2d9940c7c0724/5472x3648"]
+    assert [one.id for one in change.proposals.items] == ["dji/fc6310r/sn-9bd2d9940c7c0724/5472x3648"]
     change.write()
     asked = replace(unit, image_size=(5472, 3648))
     for question in (asked, replace(asked, serial="9bd2d9940c7c0724")):

@@ -12,7 +12,7 @@ from calibrary.distortion import BrownConrady, KannalaBrandt
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.init import init
-from calibrary.registry.proposals import note_of
+from calibrary.registry.proposals import message_of
 from calibrary.registry.registry import Registry
 from tests.registry.entries import FILE, LENS, an_entry, put_entries
 
@@ -89,7 +89,9 @@ def hostile(name: str) -> Entry:
 
 def save(registry: Registry, entries: Sequence[Entry], subject: str, *, reason: str | None = None) -> None:
     """Write entries as one commit, over what stands there."""
-    current = registry.snapshot().paths
+    current = registry.snapshot().cameras
     put_entries(
-        registry, [(entry, current.get(entry.path)) for entry in entries], note_of(subject, entries, reason)
+        registry,
+        [(entry, current.get(entry.path)) for entry in entries],
+        message_of(subject, entries, reason),
     )

@@ -20,8 +20,8 @@ from calibrary.jobs.site.camera_page import STRONG
 from calibrary.jobs.site.folder import MARKER, Place, way
 from calibrary.registry.entry import Status
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.git.writing import Change, write
-from calibrary.registry.proposals import Note
+from calibrary.registry.git.writing import FileChange, write
+from calibrary.registry.proposals import message_of
 from calibrary.registry.registry import Registry
 from tests.jobs.site.fleet import DRIFTED, HOSTILE, P4R, SETTLED
 
@@ -120,9 +120,9 @@ def test_every_change_of_the_calibration_has_its_comparison_one_click_away(site:
     assert compare(DRIFTED.calibration, SETTLED.calibration).verdict.value in verdicts[0]
 
 
-def test_a_change_of_status_is_told_without_a_comparison(site: Site) -> None:
+def test_an_approval_is_told_without_a_comparison(site: Site) -> None:
     page = site.root / "cameras/dji/fc330/4000x3000+f3.61.html"
-    assert "status, reason" in text(page)
+    assert re.search(r"approve\s.*Approve the FC330", text(page))
     assert not [target for target in targets(page) if "/changes/" in target]
 
 
@@ -231,8 +231,8 @@ def test_an_entry_that_is_none_is_told_and_does_not_end_the_others(
 ) -> None:
     copy = shutil.copytree(registry, tmp_path / "fleet")
     repo = Repository.open(copy)
-    path = "cameras/dji/broken/1x1.yaml"
-    write(repo, [Change(path=path, data=b"fx: <script>", base=None)], Note(subject="Break it").message)
+    path = f"events/cameras/dji/broken/1x1/2026-11-01-retire-ada-{'0' * 32}.json"
+    write(repo, [FileChange(path=path, data=b"<script>", base=None)], message_of("Break it"))
     assert main(["registry", "site", str(tmp_path / "out"), "--registry", str(copy)]) == 1
     assert "9 entries" in capsys.readouterr().out
     told = text(tmp_path / "out" / "index.html")

@@ -58,7 +58,7 @@ def test_a_revision_is_told_with_its_author_its_k_and_what_it_changed() -> None:
     old = an_entry(provenance=replace(FILE, firmware="01.02"))
     new = replace(old, label="P4R-03")
     moved = an_entry(fx=3660.0, provenance=replace(FILE, firmware="01.02"))
-    head = ["2026-05-01", "Ada Keeper", "approved", "calibrated", "01.02"]
+    head = ["2026-05-01", "Ada Keeper", "written", "calibrated", "01.02"]
     assert row(revised(1, old, None)) == [*head, "3661.25", "–", "–", "–", "first entry", "Calibrate"]
     assert row(revised(2, new, old)) == [*head, "3661.25", "–", "–", "–", "label", "Calibrate"]
     assert row(revised(3, moved, new))[5:9] == ["3660.00", "−1.25", "–", "–"]

@@ -29,11 +29,12 @@ from calibrary.jobs.onboard.estimates import Serves
 from calibrary.jobs.onboard.report import Agreement, Decision, Estimate, Kind
 from calibrary.jobs.onboard.run import Onboarding
 from calibrary.jobs.resolve import resolve
+from calibrary.records import replace
 from calibrary.registry.paths import id_of
 from calibrary.registry.registry import Registry
 from calibrary.validation import Severity, Verdict
 from tests.jobs.extract.fleet import DEWARP, picture
-from tests.registry.git.repositories import put
+from tests.registry.entries import put_entries
 from tests.thorough import examples
 
 TABLE: Final[dict[str, Any]] = yaml.safe_load(Path(__file__).with_name("table.yaml").read_text("utf-8"))
@@ -76,19 +77,9 @@ class Family(NamedTuple):
         """A registry in git with an entry whose focal length is off by a factor, approved by no check."""
         file = self.file(folder.with_suffix(".xml"), {"scale": factor})
         create_registry(folder)
-        # In the older layout the status that an entry states is its standing; in the newer it takes a statement.
-        older = (folder / "registry.yaml").read_bytes().replace(b"layout: 2", b"layout: 1")
-        founded = {
-            str(one.relative_to(folder)): None for one in (folder / "statements").rglob("*") if one.is_file()
-        }
-        put(Registry.open(folder).repo, {"registry.yaml": older, **founded})
         terms = Terms(approve=True, reason="measured", force=True)
         [proposed] = Fleet(folder).propose(file, camera=CameraKey(**self.key), terms=terms).proposals.items
-        assert proposed.data is not None
-        text = "".join(
-            line for line in proposed.data.decode().splitlines(keepends=True) if "override" not in line
-        )
-        put(Registry.open(folder).repo, {proposed.path: text.encode()})
+        put_entries(Registry.open(folder), [(replace(proposed.after, override=None), None)], "Measure\n")
         return folder
 
     def file(self, path: Path, how: Mapping[str, Any]) -> Path:

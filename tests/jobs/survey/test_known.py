@@ -13,8 +13,7 @@ from calibrary.policy import FLEET
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Sensor, Status
 from calibrary.registry.entry_checks import check
-from calibrary.registry.entry_yaml import entry_yaml
-from calibrary.registry.paths import proposal_path
+from calibrary.registry.paths import proposed_name
 from calibrary.validation import Severity
 from tests.registry.entries import an_entry
 
@@ -32,7 +31,7 @@ def entry(fx: float, camera: dict[str, Any], **fields: Any) -> Entry:
 
 
 def judged(one: Entry, *others: Entry, former: Entry | None = None) -> list[tuple[str, str]]:
-    files = {other.path: entry_yaml(other) for other in (*others, one)}
+    files = {other.path: other for other in (*others, one)}
     findings = check(files, FLEET, {one.path: former} if former is not None else {}, judge=contradictions)
     return [
         (finding.rule, finding.severity.value)
@@ -144,12 +143,12 @@ class TestWhatWasApprovedBefore:
 
     def test_a_proposal_is_held_against_what_is_in_use(self) -> None:
         used, new = entry(3300.0, ODD), entry(33000.0, ODD, status=Status.DRAFT)
-        beside = proposal_path(new.path)
-        findings = check({used.path: entry_yaml(used), beside: entry_yaml(new)}, FLEET, judge=contradictions)
+        beside = proposed_name(new.path)
+        findings = check({used.path: used, beside: new}, FLEET, judge=contradictions)
         errors = [finding for finding in findings if finding.severity is Severity.ERROR]
         assert [(one.rule, one.place) for one in errors] == [
-            ("against-last-approved", beside),
-            ("focal-plausibility", beside),
+            ("against-last-approved", used.path),
+            ("focal-plausibility", used.path),
         ][: len(errors)]
         assert errors
 
@@ -157,7 +156,7 @@ class TestWhatWasApprovedBefore:
 class TestOverriding:
     def test_a_reason_makes_a_warning_of_it_that_stays(self) -> None:
         one = replace(entry(22890.0, P3A), override="a lens of our own")
-        findings = check({one.path: entry_yaml(one)}, FLEET, judge=contradictions)
+        findings = check({one.path: one}, FLEET, judge=contradictions)
         [printed] = [finding for finding in findings if finding.rule == "against-catalogue"]
         assert printed.severity is Severity.WARNING
         assert "used in spite of that: a lens of our own" in printed.message

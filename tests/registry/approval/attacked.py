@@ -18,10 +18,10 @@ from calibrary.jobs.fleet import Fleet
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.entry_yaml import entry_yaml
-from calibrary.registry.git.writing import Change, Person
+from calibrary.registry.git.writing import FileChange, Person
 from calibrary.registry.init import init
 from calibrary.registry.locking import locked
-from calibrary.registry.proposals import Note, write_changes
+from calibrary.registry.proposals import message_of, write_changes
 from calibrary.registry.registry import Registry
 from calibrary.registry.sshsig import Signer
 from calibrary.registry.statements import (
@@ -33,9 +33,9 @@ from calibrary.registry.statements import (
     statement_path,
     subject_of,
 )
-from calibrary.registry.stating import Act, state_rules, stated
+from calibrary.registry.stating import Action, state_rules, stated
 from tests.jobs.extract.fleet import picture
-from tests.registry.entries import an_entry
+from tests.registry.entries import a_change, an_entry
 from tests.registry.git.repositories import git
 
 PEOPLE: Final = ("ada", "bob", "cy")
@@ -76,20 +76,17 @@ class Desk(Struct, frozen=True):
         git(self.fleet, "config", "user.signingkey", str(self.keys / who))
         return Registry.open(self.fleet, durable=False)
 
-    def states(self, who: str, *acts: tuple[str, Entry], files: bool = True, **more: Any) -> None:
+    def states(self, who: str, *acts: tuple[Action, Entry], files: bool = True, **more: Any) -> None:
         """A person states something of entries, and writes their files."""
         registry = self.by(who)
-        done = [Act(action=what, entry=one, **more) for what, one in acts]  # type: ignore[arg-type]
-        found = stated(
-            registry.snapshot(), done, "looked at", author=Person(name=who, email=f"{who}@example.com")
-        )
-        there = registry.snapshot().paths
+        done = [a_change(what, replace(one, reason="looked at"), **more) for what, one in acts]
+        found = stated(registry.snapshot(), done, author=Person(name=who, email=f"{who}@example.com"))
+        there = registry.snapshot().cameras
         written = {
-            one.path: Change(path=one.path, data=entry_yaml(one), base=there.get(one.path)) for _, one in acts
+            one.path: FileChange(path=one.path, data=entry_yaml(one), base=there.get(one.path))
+            for _, one in acts
         }
-        write_changes(
-            registry.repo, [*(written.values() if files else ()), *found.changes], Note(subject=who)
-        )
+        write_changes(registry.repo, [*(written.values() if files else ()), *found.changes], message_of(who))
 
     def approves(self, *entries: Entry, who: Sequence[str] = ("ada", "bob")) -> None:
         """People approve entries, one after the other."""
@@ -108,7 +105,7 @@ class Desk(Struct, frozen=True):
         for one in who:
             registry = self.by(one)
             found = state_rules(registry.snapshot(), registry.configuration.rules, None)
-            write_changes(registry.repo, found.changes, Note(subject=one))
+            write_changes(registry.repo, found.changes, message_of(one))
 
     def body(self, entry: Entry, action: str = "approve", **more: Any) -> Body:
         """A statement on an entry as a forger writes it, after all that there is."""
@@ -137,7 +134,7 @@ class Desk(Struct, frozen=True):
 
     def statements(self, entry: Entry, action: str | None = None) -> list[Path]:
         """The statements on an entry, by the names of their people."""
-        folder = self.fleet / "statements" / entry.path.removesuffix(".yaml")
+        folder = self.fleet / "events" / entry.path.removesuffix(".yaml")
         found = list(folder.iterdir()) if folder.is_dir() else []
         of = (action or "",) if action else ("approve", "retire")
         return sorted(file for file in found if any(f"-{one}-" in file.name for one in of))
@@ -279,7 +276,9 @@ def _list(fleet: Path, _: Path, __: Path) -> dict[str, Answer]:
         str(row["camera.model"]): float(str(row["intrinsics.fx"])) if row["status"] == "approved" else None
         for row in listed.chosen.rows
     }
-    return found | {str(error).split("/")[2].upper(): REFUSED for error in listed.unreadable}
+    # A file that cannot be read beside an entry in use takes nothing from it.
+    refused: dict[str, Answer] = {str(error).split("/")[2].upper(): REFUSED for error in listed.unreadable}
+    return refused | found
 
 
 def _export(fleet: Path, _: Path, out: Path) -> dict[str, Answer]:
@@ -305,8 +304,9 @@ def _lock(fleet: Path, flight: Path, out: Path) -> dict[str, Answer]:
 def _publish(fleet: Path, _: Path, out: Path) -> dict[str, Answer]:
     Fleet(fleet).publish(out / "public", workers=1)
     files = [json.loads(file.read_text()) for file in (out / "public/data").iterdir()]
-    entries = [row["entry"] for file in files for row in file.get("entries", ())]
-    return {one["camera"]["model"]: one["intrinsics"]["fx"] for one in entries if one["status"] == "approved"}
+    rows = [row for file in files for row in file.get("entries", ())]
+    used = [row["entry"] for row in rows if row["status"] == "approved"]
+    return {one["camera"]["model"]: one["intrinsics"]["fx"] for one in used}
 
 
 def _site(fleet: Path, _: Path, out: Path) -> dict[str, Answer]:

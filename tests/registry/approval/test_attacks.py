@@ -21,8 +21,7 @@ from calibrary.records import replace
 from calibrary.registry import in_force, standing
 from calibrary.registry.entry import Alias, Entry, Status, Validity
 from calibrary.registry.git.writing import Person
-from calibrary.registry.paths import proposal_path
-from calibrary.registry.proposals import Note, propose_approvals, save, write_changes
+from calibrary.registry.proposals import message_of, propose_approvals, save, write_changes
 from calibrary.registry.registry import Registry
 from calibrary.registry.sshsig import Signer
 from calibrary.registry.statements import NAMESPACE, RULES, Body, approved_of, subject_of
@@ -117,7 +116,7 @@ def from_another(desk: Desk, entry: Entry) -> None:
     """A new camera with the statements of an approved one."""
     other = camera(1)
     desk.put(entry)
-    folder = desk.fleet / "statements" / entry.path.removesuffix(".yaml")
+    folder = desk.fleet / "events" / entry.path.removesuffix(".yaml")
     folder.mkdir(parents=True)
     for file in desk.statements(other):
         shutil.copy(file, folder)
@@ -163,7 +162,7 @@ def written(name: str, data: bytes) -> Attack:
     """Something else among the statements."""
 
     def attack(desk: Desk, entry: Entry) -> None:
-        folder = desk.fleet / "statements" / entry.path.removesuffix(".yaml")
+        folder = desk.fleet / "events" / entry.path.removesuffix(".yaml")
         (folder / name).write_bytes(data)
 
     return attack
@@ -367,7 +366,7 @@ def test_none_of_it_passes_the_check(
     desk.commit()
     for found in (Fleet(desk.fleet).check(), Fleet(desk.fleet).check("HEAD~1..HEAD")):
         told = {finding.place for finding in found.findings}
-        subjects = {place.removeprefix("statements/").rpartition("/")[0] + ".yaml" for place in told if place}
+        subjects = {place.removeprefix("events/").rpartition("/")[0] + ".yaml" for place in told if place}
         missed = [
             name for name, (_, entry) in zip(CASES, own, strict=True) if entry.path not in told | subjects
         ]
@@ -459,7 +458,7 @@ class TestHistory:
         git(desk.fleet, "reset", "-q", "--hard", start)
         fresh = copied(desk, tmp_path / "picked")
         git(fresh.fleet, "cherry-pick", *new)
-        assert Fleet(fresh.fleet).show("example/m01").stored.entry == entry  # type: ignore[union-attr]
+        assert fx_of(fresh) == entry.calibration.intrinsics.fx
 
     def test_what_is_approved_needs_no_file_and_no_history(self, small: Desk, tmp_path: Path) -> None:
         desk, entry = copied(small, tmp_path / "fleet"), camera(1)
@@ -494,15 +493,9 @@ class TestWhoHasReadIt:
             desk.states("cy", ("retire", replace(entry, status=Status.RETIRED)))
             assert fx_of(desk) is None
             git(desk.fleet, "reset", "-q", "--hard", start)
-        elif what == "the statements are removed, and registry.yaml says that there are none":
-            fx_of(desk)
-            git(desk.fleet, "rm", "-rq", "statements")
-            file = desk.fleet / "registry.yaml"
-            file.write_text(file.read_text().replace("layout: 2", "layout: 1"))
-            desk.commit()
         else:
             fx_of(desk)
-            git(desk.fleet, "rm", "-rq", "statements")
+            git(desk.fleet, "rm", "-rq", "events")
             body = desk_of_eve(desk)
             desk.forge(body, "eve")
             desk.commit()
@@ -512,7 +505,6 @@ class TestWhoHasReadIt:
         [
             "the retirement is removed",
             "a force push takes the retirement back",
-            "the statements are removed, and registry.yaml says that there are none",
             "another foundation takes the place of the first",
         ],
     )
@@ -570,7 +562,7 @@ class TestRules:
         assert fx_of(desk) == 3001.0
         registry = desk.by("bob")
         found = state_rules(registry.snapshot(), registry.configuration.rules, None)
-        write_changes(registry.repo, found.changes, Note(subject="bob"))
+        write_changes(registry.repo, found.changes, message_of("bob"))
         # What one approved before is enough now.
         assert fx_of(desk) == 3501.0
 
@@ -666,10 +658,10 @@ class TestRules:
 
     def test_without_its_statements_a_registry_answers_nothing(self, small: Desk, tmp_path: Path) -> None:
         desk = copied(small, tmp_path / "fleet")
-        git(desk.fleet, "rm", "-rq", "statements")
+        git(desk.fleet, "rm", "-rq", "events")
         desk.commit()
         assert fx_of(desk) == REFUSED
-        with pytest.raises(RegistryError, match="the statements are gone"):
+        with pytest.raises(RegistryError, match="the statement that it was founded with is missing"):
             Fleet(desk.fleet).check()
 
     def test_of_two_foundations_a_new_reader_takes_neither(self, small: Desk, tmp_path: Path) -> None:
@@ -699,7 +691,7 @@ class TestMany:
         self, small: Desk, tmp_path: Path
     ) -> None:
         desk, new = copied(small, tmp_path / "fleet"), camera(77)
-        desk.put(replace(new, status=Status.DRAFT), proposal_path(new.path))
+        desk.put(new)
         desk.commit()
         other = copied(desk, tmp_path / "other")
         for one, who in ((desk, "ada"), (other, "bob")):
@@ -716,7 +708,7 @@ class TestMany:
         assert fleet.check().errors == ()
         assert new.path in {pin.path for pin in fleet.lock(out=tmp_path / "a.lock").pins}
         assert fleet.status().matters == ()
-        desk.put(with_fx(new), proposal_path(new.path))
+        desk.put(with_fx(new))
         desk.commit()
         found = Fleet(desk.fleet).snapshot.resolve(new.calibration.camera)
         assert found is not None
@@ -726,7 +718,7 @@ class TestMany:
         self, small: Desk, tmp_path: Path
     ) -> None:
         desk, new = copied(small, tmp_path / "fleet"), with_fx(camera(1))
-        desk.put(replace(new, status=Status.DRAFT), proposal_path(new.path))
+        desk.put(new)
         desk.commit()
         other = copied(desk, tmp_path / "other")
         desk.states("ada", ("approve", new), files=False)
@@ -762,7 +754,7 @@ class TestLabels:
         assert fx_of(desk, "Eins") == 3011.0
 
     def test_a_label_is_given_by_a_statement(self, desk: Desk) -> None:
-        desk.states("cy", ("label", self.unit("A1", "Drei", 10.0)))
+        desk.states("cy", ("set", self.unit("A1", "Drei", 10.0)))
         assert fx_of(desk, "Drei") == 3011.0
         with pytest.raises(UnknownCameraError):
             Fleet(desk.fleet).show("Eins")

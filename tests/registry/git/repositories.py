@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from calibrary.registry.git.repository import Repository, create
-from calibrary.registry.git.writing import Change, Written, write
+from calibrary.registry.git.writing import FileChange, Written, write
 from calibrary.registry.paths import check_path
 
 ENTRY = "cameras/dji/fc6310/5472x3648.yaml"
@@ -89,7 +89,7 @@ def put(
     changes = []
     for path, data in files.items():
         blob = repo.read(tip, path) if tip is not None else None
-        changes.append(Change(path=path, data=data, base=blob.oid if blob is not None else None))
+        changes.append(FileChange(path=path, data=data, base=blob.oid if blob is not None else None))
     return write(repo, changes, f"{subject}\n", **options)  # type: ignore[arg-type]  # as write takes them
 
 

@@ -22,14 +22,14 @@ import os, sys
 from pathlib import Path
 import git
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.git.writing import Change, write
+from calibrary.registry.git.writing import FileChange, write
 
 path, processes, each = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
 for writer in range(processes):
     if os.fork() == 0:
         repo = Repository.open(path, durable=False)
         for number in range(each):
-            change = Change(path=f"cameras/make/w{writer}/n{number}.yaml", data=f"{writer} {number}\\n".encode())
+            change = FileChange(path=f"cameras/make/w{writer}/n{number}.yaml", data=f"{writer} {number}\\n".encode())
             write(repo, [change], f"add {writer} {number}\\n")
         os._exit(0)
 sys.exit(max(os.waitstatus_to_exitcode(os.wait()[1]) for _ in range(processes)))
@@ -41,7 +41,7 @@ from pathlib import Path
 import git
 from calibrary.registry.git.errors import FileConflictError
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.git.writing import Change, write
+from calibrary.registry.git.writing import FileChange, write
 
 path, entry, processes, each = Path(sys.argv[1]), sys.argv[2], int(sys.argv[3]), int(sys.argv[4])
 for writer in range(processes):
@@ -50,7 +50,7 @@ for writer in range(processes):
         done = 0
         while done < each:
             blob = repo.read(repo.tip(), entry)
-            change = Change(path=entry, data=b"%d\\n" % (int(blob.data) + 1), base=blob.oid)
+            change = FileChange(path=entry, data=b"%d\\n" % (int(blob.data) + 1), base=blob.oid)
             try:
                 write(repo, [change], "count\\n")
                 done += 1
@@ -66,7 +66,7 @@ from pathlib import Path
 import git
 from calibrary.registry.git.errors import FileConflictError
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.git.writing import Change, write
+from calibrary.registry.git.writing import FileChange, write
 
 path, journal, kills, writers = Path(sys.argv[1]), sys.argv[2], int(sys.argv[3]), int(sys.argv[4])
 
@@ -80,7 +80,7 @@ def work():
         blob = repo.read(repo.tip(), name)
         data = b"- %d\\n" % random.getrandbits(64) * 20
         try:
-            written = write(repo, [Change(path=name, data=data, base=blob.oid if blob else None)], "work\\n")
+            written = write(repo, [FileChange(path=name, data=data, base=blob.oid if blob else None)], "work\\n")
         except FileConflictError:
             continue
         os.write(acknowledged, f"{written.commit}\\n".encode())

@@ -8,8 +8,9 @@ from calibrary.registry.git.history import ChangedFile, changed, histories, hist
 from calibrary.registry.git.objects import blob_id
 from calibrary.registry.git.remotes import clone
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.git.writing import Change, Person, compose, subject_of, trailers_of, write
-from calibrary.registry.proposals import Note
+from calibrary.registry.git.writing import FileChange, Person, compose, subject_of, trailers_of, write
+from calibrary.registry.proposals import message_of
+from tests.registry.entries import an_entry
 from tests.registry.git.repositories import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, put
 
 __all__ = ["bare", "checked_out", "made", "nobodys_git"]
@@ -81,19 +82,6 @@ def test_a_users_own_taste_changes_nothing_of_what_is_told(bare: Repository, nob
     assert len(plain[0]) == 3
 
 
-def test_the_history_of_an_entry_goes_on_across_a_move(bare: Repository) -> None:
-    put(bare, {ENTRY: b"fx: 2.0\n"})
-    moved = Note(subject="The model's name was wrong", reason="typo", moved=((ENTRY, OTHER),))
-    base = blob_id(b"fx: 2.0\n")
-    changes = [Change(path=ENTRY, data=None, base=base), Change(path=OTHER, data=b"fx: 2.0\n")]
-    write(bare, changes, moved.message)
-    written = put(bare, {OTHER: b"fx: 3.0\n"}, "Again")
-    revisions = history(bare, OTHER, written.commit)
-    assert [revision.path for revision in revisions] == [OTHER, OTHER, ENTRY, ENTRY]
-    assert revisions[0].commit == written.commit
-    assert history(bare, OTHER, written.commit, most=3) == revisions[:3]
-
-
 def test_an_entry_merged_from_a_branch_keeps_the_commits_of_the_branch(checked_out: Repository) -> None:
     put(checked_out, {OTHER: b"side\n"}, branch="onboard/x", subject="on the side")
     put(checked_out, {ENTRY: b"fx: 2.0\n"})
@@ -109,17 +97,18 @@ def test_one_look_at_all_commits_finds_of_every_file_what_a_look_at_each_finds(
     third = OTHER.replace(".yaml", "-b.yaml")
     put(bare, {ENTRY: b"fx: 2.0\n", third: b"x\n"})
     put(bare, {third: None}, subject="Gone")
-    moved = Note(subject="The model's name was wrong", reason="typo", moved=((ENTRY, OTHER),))
     changes = [
-        Change(path=ENTRY, data=None, base=blob_id(b"fx: 2.0\n")),
-        Change(path=OTHER, data=b"fx: 2.0\n"),
+        FileChange(path=ENTRY, data=None, base=blob_id(b"fx: 2.0\n")),
+        FileChange(path=OTHER, data=b"fx: 2.0\n"),
+        FileChange(path="LICENSE", data=b"free\n"),
     ]
-    tip = write(bare, changes, moved.message).commit
+    tip = write(bare, changes, "Rename it\n").commit
     nobodys_git.write_text(nobodys_git.read_text() + EVIL_TASTE)
     repo = Repository.open(bare.path)
-    found = histories(repo, tip)
-    assert found == {path: history(repo, path, tip) for path in (ENTRY, OTHER, third)}
-    assert [len(found[path]) for path in (ENTRY, OTHER, third)] == [3, 3, 2]
+    found = histories(repo, tip, lambda path: ENTRY if path == "LICENSE" else path)
+    each = {path: history(repo, path, tip) for path in (OTHER, third)}
+    assert found == each | {ENTRY: history(repo, ENTRY, tip, beside="LICENSE")}
+    assert [len(found[path]) for path in (ENTRY, OTHER, third)] == [3, 1, 2]
 
 
 def test_where_commits_are_merged_git_decides_for_each_file(checked_out: Repository) -> None:
@@ -128,7 +117,7 @@ def test_where_commits_are_merged_git_decides_for_each_file(checked_out: Reposit
     git(checked_out.path, "merge", "-q", "--no-ff", "-m", "merge", "onboard/x")
     tip = checked_out.tip()
     assert tip is not None
-    assert histories(checked_out, tip) is None
+    assert histories(checked_out, tip, str) is None
 
 
 def test_a_shallow_history_ends_at_the_cut_and_is_known_to(bare: Repository, tmp_path: Path) -> None:
@@ -162,14 +151,8 @@ def test_a_message_keeps_its_lines_whatever_a_value_holds() -> None:
 
 
 def test_git_reads_our_trailers_as_we_do(bare: Repository) -> None:
-    note = Note(
-        subject="Calibrate",
-        reason="new — lens",
-        cameras=["dji/fc6310"],
-        grade="calibrated",
-        sources=[("camera.xml", "ab" * 32), (None, "cd" * 32)],
-    )
-    write(bare, [Change(path=OTHER, data=b"x\n")], note.message)
+    message = message_of("Calibrate", [an_entry()], "new — lens", {"cd" * 32: None})
+    write(bare, [FileChange(path=OTHER, data=b"x\n")], message)
     printed = git(bare.path, "log", "-1", "--format=%(trailers:only,unfold)")
-    assert [tuple(line.split(": ", 1)) for line in printed.splitlines()] == [*trailers_of(note.message)]
-    assert printed.splitlines()[0] == "Camera: dji/fc6310"
+    assert [tuple(line.split(": ", 1)) for line in printed.splitlines()] == [*trailers_of(message)]
+    assert printed.splitlines()[0] == f"Camera: {an_entry().id}"

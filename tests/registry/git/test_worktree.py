@@ -129,11 +129,11 @@ from typing import Any
 from calibrary.registry.git import writing
 from calibrary.registry.git.objects import blob_id
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.git.writing import Change, write
+from calibrary.registry.git.writing import FileChange, write
 
 writing.update_work_tree = lambda *_: os._exit(9)
 repo = Repository.open(Path(sys.argv[1]))
-write(repo, [Change(path=sys.argv[2], data=b"fx: 2.0\\n", base=blob_id(b"fx: 1.0\\n"))], "killed\\n")
+write(repo, [FileChange(path=sys.argv[2], data=b"fx: 2.0\\n", base=blob_id(b"fx: 1.0\\n"))], "killed\\n")
 """
 
 
@@ -252,7 +252,7 @@ from pathlib import Path
 from typing import Any
 from calibrary.registry.git.objects import blob_id
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.git.writing import Change, write
+from calibrary.registry.git.writing import FileChange, write
 
 link = os.link
 def dies(own, lock):
@@ -261,7 +261,7 @@ def dies(own, lock):
     os._exit(9)
 os.link = dies
 repo = Repository.open(Path(sys.argv[1]))
-write(repo, [Change(path=sys.argv[2], data=b"fx: 2.0\\n", base=blob_id(b"fx: 1.0\\n"))], "killed\\n")
+write(repo, [FileChange(path=sys.argv[2], data=b"fx: 2.0\\n", base=blob_id(b"fx: 1.0\\n"))], "killed\\n")
 """
 
 

@@ -12,7 +12,7 @@ from calibrary.registry.git.errors import FileConflictError
 from calibrary.registry.git.objects import LARGEST_FILE, blob_id
 from calibrary.registry.git.program import check_branch, check_url
 from calibrary.registry.git.repository import Repository, create
-from calibrary.registry.git.writing import Change, File, Person, Step, land, stream, write
+from calibrary.registry.git.writing import File, FileChange, Person, Step, land, stream, write
 from calibrary.registry.paths import check_path
 from tests.registry.git.repositories import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
 
@@ -26,7 +26,7 @@ def test_a_change_made_from_old_content_is_a_conflict_with_all_three_versions(ba
     put(bare, {ENTRY: b"fx: 2.0\n"})
     before = bare.tip()
     with pytest.raises(FileConflictError, match="changed by another writer; nothing was written") as caught:
-        write(bare, [Change(path=ENTRY, data=b"fx: 3.0\n", base=base)], "too late\n")
+        write(bare, [FileChange(path=ENTRY, data=b"fx: 3.0\n", base=base)], "too late\n")
     assert isinstance(caught.value, ConflictError)
     (conflict,) = caught.value.conflicts
     assert (conflict.base, conflict.ours, conflict.theirs) == (b"fx: 1.0\n", b"fx: 3.0\n", b"fx: 2.0\n")
@@ -46,19 +46,19 @@ def test_an_entry_is_neither_added_twice_nor_removed_unseen(
     bare: Repository, base: str | None, data: bytes | None, expected: str
 ) -> None:
     with pytest.raises(FileConflictError, match=expected):
-        write(bare, [Change(path=ENTRY, data=data, base=base)], "x\n")
+        write(bare, [FileChange(path=ENTRY, data=data, base=base)], "x\n")
 
 
 def test_a_change_of_what_was_removed_is_a_conflict(bare: Repository) -> None:
     put(bare, {ENTRY: None})
     with pytest.raises(FileConflictError, match="was removed by another writer"):
-        write(bare, [Change(path=ENTRY, data=b"new\n", base=blob_id(b"fx: 1.0\n"))], "x\n")
+        write(bare, [FileChange(path=ENTRY, data=b"new\n", base=blob_id(b"fx: 1.0\n"))], "x\n")
 
 
 def test_one_conflict_among_many_changes_writes_none_of_them(bare: Repository) -> None:
     before = bare.tip()
     with pytest.raises(FileConflictError):
-        write(bare, [Change(path=OTHER, data=b"x\n"), Change(path=ENTRY, data=b"x\n")], "x\n")
+        write(bare, [FileChange(path=OTHER, data=b"x\n"), FileChange(path=ENTRY, data=b"x\n")], "x\n")
     assert bare.tip() == before
     assert now(bare, OTHER) is None
 
@@ -81,7 +81,7 @@ def test_many_entries_are_one_commit(bare: Repository) -> None:
 
 def test_a_rename_is_one_commit_and_the_old_path_is_free(bare: Repository) -> None:
     base = blob_id(b"fx: 1.0\n")
-    moves = [Change(path=ENTRY, data=None, base=base), Change(path=OTHER, data=b"fx: 1.0\n")]
+    moves = [FileChange(path=ENTRY, data=None, base=base), FileChange(path=OTHER, data=b"fx: 1.0\n")]
     write(bare, moves, "rename\n")
     assert (now(bare), now(bare, OTHER)) == (None, b"fx: 1.0\n")
 
@@ -130,7 +130,7 @@ def test_a_file_may_take_the_place_of_a_folder_that_the_same_commit_empties(bare
 def test_a_path_outside_the_registry_is_refused(bare: Repository, path: str) -> None:
     before = bare.tip()
     with pytest.raises(RegistryError, match="not allowed in a registry"):
-        write(bare, [Change(path=path, data=b"x\n")], "x\n")
+        write(bare, [FileChange(path=path, data=b"x\n")], "x\n")
     assert bare.tip() == before
 
 
@@ -179,7 +179,7 @@ def test_a_file_too_large_or_changed_twice_is_refused(bare: Repository) -> None:
     with pytest.raises(RegistryError, match="expected at most"):
         put(bare, {OTHER: b"x" * (LARGEST_FILE + 1)})
     with pytest.raises(RegistryError, match="changed twice"):
-        write(bare, [Change(path=OTHER, data=b"1"), Change(path=OTHER, data=b"2")], "x\n")
+        write(bare, [FileChange(path=OTHER, data=b"1"), FileChange(path=OTHER, data=b"2")], "x\n")
 
 
 def test_the_content_of_a_stream_cannot_speak_to_git(bare: Repository) -> None:
@@ -256,7 +256,7 @@ def test_another_branch_begins_where_the_main_one_stands(checked_out: Repository
     assert checked_out.tip() == before == written.parent
     assert checked_out.tip("refs/heads/onboard/fc330") == written.commit
     assert git(checked_out.path, "status", "--porcelain") == ""
-    change = Change(path=OTHER, data=b"y\n", base=blob_id(b"x\n"))
+    change = FileChange(path=OTHER, data=b"y\n", base=blob_id(b"x\n"))
     write(checked_out, [change], "again\n", branch="onboard/fc330")
     assert git(checked_out.path, "rev-list", "--count", "main..onboard/fc330") == "2"
 

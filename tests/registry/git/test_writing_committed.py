@@ -15,7 +15,7 @@ import pytest
 from calibrary.errors import RegistryError
 from calibrary.registry.git.locks import writer_lock
 from calibrary.registry.git.repository import Repository, create, is_due, maintain
-from calibrary.registry.git.writing import ANY, Change, Person, identity, write
+from calibrary.registry.git.writing import ANY, FileChange, Person, identity, write
 from tests.registry.git.repositories import ENTRY, OTHER, bare, checked_out, git, made, nobodys_git, now, put
 
 __all__ = ["bare", "checked_out", "made", "nobodys_git"]
@@ -100,7 +100,7 @@ def test_whom_git_does_not_know_commits_by_the_login_and_is_told(
 
 def test_a_name_cannot_break_out_of_its_line(bare: Repository) -> None:
     author = Person(name="Eve>\ncommitter x <y", email="<e\n@x>")
-    write(bare, [Change(path=OTHER, data=b"x\n")], "x\n", author=author)
+    write(bare, [FileChange(path=OTHER, data=b"x\n")], "x\n", author=author)
     assert git(bare.path, "log", "-1", "--format=%an|%ae") == "Evecommitter x y|e@x"
     git(bare.path, "fsck", "--strict")
 
@@ -115,8 +115,8 @@ def test_a_commit_before_the_first_needs_no_parent_and_the_second_has_it(tmp_pat
 
 
 def test_files_of_calibrarys_own_may_be_written_from_whatever_stands_there(bare: Repository) -> None:
-    write(bare, [Change(path="README.md", data=b"1\n", base=ANY)], "x\n")
-    write(bare, [Change(path="README.md", data=b"2\n", base=ANY)], "x\n")
+    write(bare, [FileChange(path="README.md", data=b"1\n", base=ANY)], "x\n")
+    write(bare, [FileChange(path="README.md", data=b"2\n", base=ANY)], "x\n")
     assert now(bare, "README.md") == b"2\n"
 
 
@@ -161,13 +161,13 @@ from pathlib import Path
 from calibrary.errors import RegistryError
 from calibrary.registry.git.objects import blob_id
 from calibrary.registry.git.repository import Repository
-from calibrary.registry.git.writing import Change, write
+from calibrary.registry.git.writing import FileChange, write
 repo = Repository.open(Path(sys.argv[1]))
 entry = "cameras/dji/fc6310/5472x3648.yaml"
 print("read:", repo.read(repo.tip(), entry).data)
 data = b"fx: 2.0" if len(sys.argv) == 2 else random.Random(1).randbytes(900_000)
 try:
-    write(repo, [Change(path=entry, data=data, base=blob_id(b"fx: 1.0\\n"))], "x")
+    write(repo, [FileChange(path=entry, data=data, base=blob_id(b"fx: 1.0\\n"))], "x")
 except RegistryError as error:
     print("RegistryError", error)
 print("after:", repo.read(repo.tip(), entry).data[:8])

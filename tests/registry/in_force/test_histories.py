@@ -53,7 +53,7 @@ MUTANTS = {
         "if one.body.registry != self.foundation:",
         "if False and one.body.registry != self.foundation:",
     ),
-    "one approval is enough": (">= self.rules.approvals.count", ">= 1"),
+    "one approval is enough": (">= max(self.rules.approvals.count, 1)", ">= 1"),
     "two keys of a person are two people": (
         "people = {self.person_of(one) for one in approvals if self.may_approve(one)}",
         "people = {one.key for one in approvals if self.person_of(one) and self.may_approve(one)}",

@@ -10,22 +10,22 @@ from types import MappingProxyType
 from typing import Any
 
 from calibrary.known_camera import hash_serial
-from calibrary.registry.configuration import configuration_yaml
+from calibrary.registry.configuration import configuration_yaml, parse_configuration
 from calibrary.registry.entry import Alias, Entry, Status, Validity
 from calibrary.registry.entry_yaml import entry_yaml
 from calibrary.registry.firmware import FirmwareRange
 from calibrary.registry.git.repository import create
-from calibrary.registry.git.writing import Change, write
+from calibrary.registry.git.writing import FileChange, write
 from calibrary.registry.places import PUBLISHED_FILE
 from calibrary.registry.published.write import Publication, publish
-from calibrary.registry.registry import open_snapshot
-from tests.registry.entries import an_entry
+from calibrary.registry.registry import Registry, open_snapshot
+from calibrary.registry.stating import founded
+from tests.registry.entries import an_entry, statements_on
 from tests.registry.git.repositories import nobodys_git
 
 __all__ = [
     "FLEET",
     "UNIT",
-    "UNSTATED",
     "camera",
     "commit",
     "document",
@@ -38,9 +38,6 @@ __all__ = [
 ]
 
 UNIT = hash_serial("DJI", "0V2LG3H0")
-UNSTATED = configuration_yaml().replace(b"layout: 2", b"layout: 1")
-"""The configuration of a registry without statements; of layout 2, one that has lost them is refused."""
-
 FLEET = (
     an_entry(focal_mm=None),
     an_entry(focal_mm=None, size=(4864, 3648)),
@@ -65,16 +62,15 @@ def commit(
 ) -> str:
     """Put entries and other files into a registry, which is made where there is none; the commit."""
     if not folder.exists():
-        first = {"registry.yaml": UNSTATED}
-        repo = create(folder, durable=False)
-    else:
-        first = {}
-        repo = open_snapshot(folder).require_git("is needed")[0]
-    there = repo.listing(repo.tip() or "", "") if repo.tip() else {}
-    files: dict[str, bytes | None] = {**first, **{entry.path: entry_yaml(entry) for entry in entries}}
+        repo, configuration = create(folder, durable=False), configuration_yaml()
+        begun = FileChange(path="registry.yaml", data=configuration)
+        write(repo, [begun, *founded(repo, parse_configuration(configuration).rules)], "Begin\n")
+    registry = Registry.open(folder)
+    there = registry.repo.listing(registry.commit(), "")
+    files: dict[str, bytes | None] = {entry.path: entry_yaml(entry) for entry in entries}
     files |= raw
-    changes = [Change(path=path, data=data, base=there.get(path)) for path, data in files.items()]
-    return write(repo, changes, message).commit
+    changes = [FileChange(path=path, data=data, base=there.get(path)) for path, data in files.items()]
+    return write(registry.repo, [*changes, *statements_on(registry, entries)], message).commit
 
 
 def dated(folder: Path) -> None:

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import json
 import shutil
-from datetime import date
 from pathlib import Path
 
 import pytest
 
 from calibrary.errors import InputError, RegistryError
 from calibrary.records import replace
-from calibrary.registry.entry import Status, Validity
 from calibrary.registry.entry_yaml import entry_yaml, parse_entry
 from calibrary.registry.paths import folder_of
 from calibrary.registry.places import PUBLISHED_FILE
 from calibrary.registry.published.cache import Cache
 from calibrary.registry.published.manifest import sha256
 from calibrary.registry.published.read import Published
-from calibrary.registry.published.write import _earlier, publish
+from calibrary.registry.published.write import publish
 from calibrary.registry.registry import open_snapshot
 from calibrary.schemas import require
 from tests.registry.entries import KEY, an_entry
@@ -63,7 +61,7 @@ def test_every_file_is_of_its_schema(fleet: Path, tmp_path: Path) -> None:
     require(document(out, PUBLISHED_FILE), "published-3")
     require(listed(out), "published-list-1")
     for name in listed(out)["cameras"]:
-        require(json.loads(camera(out, name).read_bytes()), "published-camera-2")
+        require(json.loads(camera(out, name).read_bytes()), "published-camera-3")
 
 
 def test_a_camera_is_listed_by_its_folder_with_its_entries(fleet: Path, tmp_path: Path) -> None:
@@ -73,7 +71,7 @@ def test_a_camera_is_listed_by_its_folder_with_its_entries(fleet: Path, tmp_path
         entry.path for entry in (FLEET[0], FLEET[1], FLEET[3])
     )
     [unit] = rows_of(out, f"dji/fc6310r/sn-{UNIT}")
-    assert parse_entry(json.dumps(unit["entry"]).encode(), "unit") == FLEET[2]
+    assert parse_entry(json.dumps(unit["entry"]).encode(), "unit") == FLEET[2].as_draft
     own = folder_of("Bild & Flug", "Weiß/Kamera").removeprefix("cameras/")[:-1]
     assert listed(out)["aliases"] == {"other/p4_rtk": [own]}
 
@@ -82,13 +80,13 @@ def test_drafts_and_proposals_are_not_published_and_retired_entries_say_so(
     fleet: Path, tmp_path: Path
 ) -> None:
     secret = an_entry(model="SECRET")
-    commit(fleet, raw={f"proposals/{secret.id}.yaml": entry_yaml(secret)})
+    commit(fleet, raw={secret.path: entry_yaml(secret)})
     published(fleet, tmp_path / "out")
     everything = b"".join(files_of(tmp_path / "out").values())
     assert b"DRAFT" not in everything
     assert b"SECRET" not in everything
     [row] = rows_of(tmp_path / "out", "dji/fc330")
-    assert (row["entry"]["status"], row["entry"]["reason"]) == ("retired", "dropped")
+    assert (row["status"], row["reason"]) == ("retired", "dropped")
 
 
 def test_labels_and_tags_stay_private(fleet: Path, tmp_path: Path) -> None:
@@ -104,26 +102,12 @@ def test_revisions_for_earlier_days_are_published_and_no_others(fleet: Path, tmp
     commit(fleet, an_entry(focal_mm=None, fx=3662.0))
     published(fleet, tmp_path / "out")
     [row] = rows_of(tmp_path / "out", "dji/dated")
-    assert [one["entry"].get("validity") for one in row["earlier"]] == [
+    assert [one.get("validity") for one in row["others"]] == [
         {"from": "2026-03-01", "until": "2026-08-31"},
-        None,
+        {"from": None, "until": "2026-02-28"},
     ]
     rows = rows_of(tmp_path / "out", "dji/fc6310r")
-    assert all(row["earlier"] == [] for row in rows)
-
-
-def test_of_each_period_the_newest_revision_is_for_earlier_days_and_only_of_an_entry_with_days() -> None:
-    now, once = (Validity.between(date(year, 1, 1), date(year, 12, 31)) for year in (2026, 2024))
-    entry = an_entry(validity=now)
-    revisions = [
-        ("newest", entry),
-        ("newer", an_entry(validity=once)),
-        ("older", an_entry(validity=once, fx=3600.0)),
-        ("always", an_entry()),
-    ]
-    assert [commit for commit, _ in _earlier(entry, revisions)] == ["newer", "always"]
-    assert [*_earlier(an_entry(), revisions)] == []
-    assert [*_earlier(replace(entry, status=Status.RETIRED), revisions)] == []
+    assert all(row["others"] == [] for row in rows)
 
 
 def test_the_same_commit_gives_the_same_bytes(fleet: Path, tmp_path: Path) -> None:
@@ -139,13 +123,13 @@ def test_only_what_changed_is_written_and_what_is_gone_is_removed(fleet: Path, t
     published(fleet, out)
     before = {path: (out / path).stat().st_mtime_ns for path in files_of(out)}
     assert published(fleet, out).written == 0
-    commit(fleet, an_entry(focal_mm=None, fx=3662.0), raw={FLEET[5].path: None})
+    commit(fleet, an_entry(focal_mm=None, fx=3662.0))
     done = published(fleet, out)
     after = {path: (out / path).stat().st_mtime_ns for path in files_of(out)}
     changed = {path for path in after if before.get(path) != after[path]}
     # The camera and the list; the manifest is the third.
     assert (len(changed), done.written) == (2, 3)
-    assert done.removed == len(before.keys() - after.keys()) == 3
+    assert done.removed == len(before.keys() - after.keys()) == 2
     published(fleet, tmp_path / "anew")
     assert files_of(out) == files_of(tmp_path / "anew")
 
@@ -204,7 +188,8 @@ def test_an_interrupted_run_leaves_the_former_state_and_the_next_one_completes_i
 def test_an_entry_that_cannot_be_published_is_named_and_every_other_one_is(
     fleet: Path, tmp_path: Path
 ) -> None:
-    commit(fleet, an_entry(serial="0V2LG3H0"), raw={"cameras/dji/bad/1x1.yaml": b"schema: ["})
+    damaged = f"events/cameras/dji/bad/1x1/2026-11-01-retire-ada-{'0' * 32}.json"
+    commit(fleet, an_entry(serial="0V2LG3H0"), raw={damaged: b"{"})
     published(fleet, tmp_path / "out")
     snapshot = open_snapshot(fleet)
     for _ in range(2):  # what is unchanged is named again

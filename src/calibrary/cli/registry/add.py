@@ -30,7 +30,7 @@ examples:
   calibrary registry add lab-results/ --yes                 every calibration file below a folder, in one commit
   calibrary registry add catalogue                          every known camera with a K that can be derived, as drafts
 
-An added entry is a proposal: it stays in proposals/, beside the entry in use, until it is approved. K is compared with
+An added entry is a proposal: its file says it, and what is in use stays in use until it is approved. K is compared with
 the catalogue, the sensor, other units and what was approved before; a contradiction needs --force and --reason.
 If the registry's check reports an error, nothing is written (exit code 1).
 An entry that has changed since it was shown is not overwritten (exit code 4).
@@ -54,16 +54,15 @@ def run(arguments: argparse.Namespace) -> int:
             change = call(registry.propose, arguments, progress=bar)
     else:
         change = call(registry.propose, arguments)
-    verb = "approved" if arguments.approve else "proposed"
-    code = decide(arguments, change, verb, is_agreed=_is_agreed, remedy=_remedy(arguments, change))
-    if change.written is not None and not arguments.approve:
+    code = decide(arguments, change, is_agreed=_is_agreed, remedy=_remedy(arguments, change))
+    if change.written is not None and not change.proposals.due[0].after.is_usable:
         remarks.say(_next(arguments, change))
     return code
 
 
 def _is_agreed(arguments: argparse.Namespace, change: ProposedChange) -> bool:
     due = change.proposals.due
-    what = due[0].entry.id if len(due) == 1 else f"these {len(due)} entries"
+    what = due[0].id if len(due) == 1 else f"these {len(due)} entries"
     return agreed(arguments, f"Write {what}?")
 
 
@@ -77,7 +76,7 @@ def _remedy(arguments: argparse.Namespace, change: ProposedChange) -> str:
 def _next(arguments: argparse.Namespace, change: ProposedChange) -> str:
     """The command that approves what was added."""
     due = change.proposals.due
-    named = " ".join(one.entry.id for one in due[:3])
+    named = " ".join(one.id for one in due[:3])
     digests = " ".join(f"--digest {(one.digest or '')[:12]}" for one in due[:3])
     branch = f" --from {arguments.branch}" if arguments.branch is not None else ""
     more = " …" if len(due) > 3 else ""

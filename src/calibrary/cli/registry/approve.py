@@ -36,7 +36,7 @@ def run(arguments: argparse.Namespace) -> int:
     if RULES in arguments.keys:
         return _approve_rules(arguments)
     change = call(opened(arguments).propose_approval, arguments)
-    return decide(arguments, change, "approved", is_agreed=_is_agreed)
+    return decide(arguments, change, is_agreed=_is_agreed)
 
 
 RULES = "registry.yaml"
@@ -74,17 +74,17 @@ def _approve_rules(arguments: argparse.Namespace) -> int:
 
 def _is_agreed(arguments: argparse.Namespace, change: ProposedChange) -> bool:
     """Whether the change was reviewed: identified by its digest or commit, or confirmed now."""
-    pending = [one for one in change.proposals.due if one.approves is not None]
+    pending = [one for one in change.proposals.due if one.seen is not None]
     at_commits = bool(arguments.keys) and all("@" in key for key in arguments.keys)
     if not pending or arguments.digests or at_commits:
         return True
-    names = pending[0].entry.id if len(pending) == 1 else f"these {len(pending)} entries"
+    names = pending[0].id if len(pending) == 1 else f"these {len(pending)} entries"
     if not (arguments.yes or can_ask()):
-        digests = " ".join(f"--digest {(one.approves or '')[:12]}" for one in pending)
+        digests = " ".join(f"--digest {(one.seen or '')[:12]}" for one in pending)
         branch = f" --from {arguments.source}" if arguments.source is not None else ""
         arguments.parser.error(
             f"nothing was written: there is no terminal to ask on. Once you have looked at it: calibrary registry "
-            f"approve {' '.join(one.entry.id for one in pending)}{branch}{where(arguments)} {digests}"
+            f"approve {' '.join(one.id for one in pending)}{branch}{where(arguments)} {digests}"
         )
     return agreed(arguments, f"Approve {names}?")
 

@@ -31,7 +31,6 @@ FATES = {"new": "green", "changed": "yellow", "same": "dim", "left": "dim", "fai
 def decide(
     arguments: argparse.Namespace,
     change: ProposedChange,
-    verb: str,
     *,
     is_agreed: Callable[[argparse.Namespace, ProposedChange], bool] = lambda *_: True,
     remedy: str = "put the errors right first",
@@ -42,7 +41,6 @@ def decide(
     Args:
         arguments: of the command.
         change: the change to show and write.
-        verb: what the entries are then: "approved", "changed".
         is_agreed: asks whether to write it.
         remedy: what to do if the check reports errors.
         as_table: show the changes of all entries in one table; suits few fields of many entries.
@@ -60,7 +58,7 @@ def decide(
     if wrong:
         errors().say(f"nothing was written: {remedy}")
     elif proposals.due and is_agreed(arguments, change):
-        _write(screen, change, verb)
+        _write(screen, change)
     elif proposals.due:
         screen.say("nothing was written")
     elif as_table:
@@ -91,7 +89,17 @@ def _show(screen: Screen, change: ProposedChange, *, as_table: bool) -> None:
         errors().say((place, "red"), f" {one.entry}: {one.message}")
 
 
-def _write(screen: Screen, change: ProposedChange, verb: str) -> None:
+DONE = {
+    "add": "proposed",
+    "approve": "approved",
+    "retire": "retired",
+    "withdraw": "withdrew",
+    "set": "changed",
+}
+"""What was done, by the actions of changes."""
+
+
+def _write(screen: Screen, change: ProposedChange) -> None:
     from calibrary.cli.console import errors
     from calibrary.errors import ConflictError
 
@@ -100,7 +108,9 @@ def _write(screen: Screen, change: ProposedChange, verb: str) -> None:
     except ConflictError as error:
         _show_conflict(errors(), error)
         raise
-    if not written.paths:  # further approvals are to come: the commit changes no file
+    first = change.proposals.due[0]
+    verb = "added" if first.action == "add" and first.after.is_usable else DONE[first.action]
+    if written.missing:
         verb = f"{verb}, with others to follow,"
     show_written(screen, change.report, verb, len(change.proposals.due))
 

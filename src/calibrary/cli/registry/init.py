@@ -14,12 +14,15 @@ from calibrary.jobs.fleet import create_registry
 if TYPE_CHECKING:
     from calibrary.jobs.fleet import InitReport
 
-DESCRIPTION = "Create a registry of camera calibrations in git, or copy one."
+DESCRIPTION = (
+    "Create a registry of camera calibrations in git, or copy one, or bring one to the present layout."
+)
 EXAMPLES = """\
 examples:
   calibrary registry init fleet
   calibrary registry init --bare fleet.git                        a target for pushes
   calibrary registry init --remote git@example.com:fleet.git      a copy of an existing one
+  calibrary registry init fleet --migrate                         from the former layout to this one
 
 The command makes a git repository with registry.yaml, README.md, .gitattributes, CODEOWNERS, JSON Schemas for
 editors, and a workflow and a pre-commit hook that run 'calibrary registry check'. It uses a repository without a
@@ -33,7 +36,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     made = call(create_registry, arguments)
     screen, remarks = out(arguments), note(arguments)
-    for line in _said(made):
+    for line in _said(made, arguments):
         screen.say(line)
     if arguments.json:
         print_json(made)
@@ -43,8 +46,12 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _said(made: InitReport) -> list[str]:
+def _said(made: InitReport, arguments: argparse.Namespace) -> list[str]:
     folder = made.registry
+    if arguments.migrate:
+        return [
+            f"{folder}: brought to this layout in commit {made.commit[:12]}; what was in use stays in use"
+        ]
     if made.cloned_from is not None and not made.files:
         lines = [f"{folder}: a copy of {made.cloned_from}"]
     elif made.cloned_from is not None:

@@ -45,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
 OF_ONE = (
     Column(name="commit"),
     Column(name="date", rank=1),
-    Column(name="status", rank=2),
+    Column(name="what", rank=2),
     *(
         Column(name=f"{name} px", rank=3 + (name[0] == "c") * 2, right=True)
         for name in ("fx", "fy", "cx", "cy")
@@ -75,7 +75,8 @@ def _of_one(revisions: Sequence[LoggedRevision], width: int) -> list[Text]:
             (
                 commit,
                 when,
-                one.status.value if one.status is not None else "removed" if one.removed else "unreadable",
+                ", ".join(one.actions)
+                or ("removed" if one.removed else "written" if K is not None else "unreadable"),
                 *(
                     _number(getattr(K, name), getattr(delta, name, None)) if K is not None else ""
                     for name in ("fx", "fy", "cx", "cy")

@@ -14,13 +14,14 @@ EXAMPLES = """\
 examples:
   calibrary registry retire fc6310r --reason "lens was replaced"
   calibrary registry retire fc6310r --reason "sold" --from 2026-10-01    flights before that day keep their K
+  calibrary registry retire fc6310r@proposed --reason "blurred"          it is not proposed any more
   calibrary registry retire fc6310r/5472 --reason "new frame" --superseded-by fc6310r/4864
 """
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    return decide(arguments, call(opened(arguments).propose_retirement, arguments), "retired")
+    return decide(arguments, call(opened(arguments).propose_retirement, arguments))
 
 
 COMMAND = OfRegistry(

@@ -74,7 +74,6 @@ def run(arguments: argparse.Namespace) -> int:
     return decide(
         arguments,
         change,
-        "changed",
         is_agreed=_is_agreed,
         as_table=True,
         remedy="put these rows right first" if change.proposals.problems else "put the errors right first",
@@ -91,7 +90,7 @@ def _written(arguments: argparse.Namespace, registry: Fleet) -> int:
 
 def _is_agreed(arguments: argparse.Namespace, change: ProposedChange) -> bool:
     due = change.proposals.due
-    what = due[0].entry.id if len(due) == 1 else f"these {len(due)} entries"
+    what = due[0].id if len(due) == 1 else f"these {len(due)} entries"
     return not arguments.dry_run and agreed(arguments, f"Change {what}?")
 
 

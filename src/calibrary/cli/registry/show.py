@@ -27,7 +27,7 @@ DESCRIPTION = (
 EXAMPLES = """\
 examples:
   calibrary registry show dji/fc6310r
-  calibrary registry show proposals/dji/fc6310r         what is proposed to replace it
+  calibrary registry show dji/fc6310r@proposed          what is proposed to replace it
   calibrary registry show fc6310r@2026-05-01            as it was at the end of that day
   calibrary registry show fc6310r@firmware:01.09        as it was made for that firmware
   calibrary registry show fc6310r --diff v2026.1        what changed since that tag
@@ -94,8 +94,6 @@ def _describe(screen: Screen, shown: ShownEntry) -> None:
         ("commit", (shown.commit or "")[:12]),
         *_proposed(shown.proposal),
     ]
-    if shown.remark is not None:
-        place.append(("not in force", shown.remark))
     rows = [*shown.rows(), *place, *_recorded(shown.recorded), *approval_rows(shown.approved)]
     screen.show(facts([(name, value) for name, value in rows], screen.width))
 
@@ -146,9 +144,9 @@ def _story(entry: UsedEntry) -> list[tuple[str, str]]:
     ]
 
 
-def _proposed(path: str | None) -> list[tuple[str, str]]:
-    said = f"another K waits for approval: calibrary registry show {path}"
-    return [("proposed", said)] if path is not None else []
+def _proposed(key: str | None) -> list[tuple[str, str]]:
+    said = f"another K waits for approval: calibrary registry show {key}"
+    return [("proposed", said)] if key is not None else []
 
 
 def approval_rows(approved: Sequence[Approval]) -> list[tuple[str, str]]:

@@ -29,11 +29,11 @@ examples:
   calibrary registry sync --theirs all
   calibrary registry sync --propose                      as a branch for review, if main is protected
 
-Your commits are repeated on top of theirs, entry by entry. Labels, tags and notes of both sides come together; all else
-of an entry is one side's, so that no K is ever mixed from two. If both sides changed that, nothing is changed until you
-have decided each entry (exit code 4). So it is if the remote was rewritten and lost commits that you have: --removed
-drop gives them up, --removed keep makes them again. Commits of others are never overwritten. If yours cannot be sent,
-those that came stay, and the command says why (exit code 4).
+Your commits are repeated on top of theirs, file by file. Approvals and retirements are files of their own, which never
+conflict. If both sides changed the file of an entry, nothing is changed until you have decided which stays (exit code
+4). So it is if the remote was rewritten and lost commits that you have: --removed drop gives them up, --removed keep
+makes them again. Commits of others are never overwritten. If yours cannot be sent, those that came stay, and the
+command says why (exit code 4).
 """
 
 

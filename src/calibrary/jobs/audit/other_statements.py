@@ -30,9 +30,8 @@ from calibrary.jobs.survey.limits import foreign
 from calibrary.jobs.survey.placing import Settled
 from calibrary.parsers.files import is_image
 from calibrary.policy import Policy
-from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status, noted
-from calibrary.registry.paths import id_of, in_use_path
+from calibrary.registry.paths import id_of
 from calibrary.registry.pending import Pending, pending
 from calibrary.registry.resolution import resolve
 from calibrary.registry.snapshot import Snapshot
@@ -53,15 +52,10 @@ def proposal_statements(
         answers: for the cameras that flew, which a proposal may be for whatever its path.
         policy: with the limits.
     """
-    drafts = [
-        Pending(path=path, entry=entry)
-        for path, entry in parsed.items()
-        if isinstance(entry, Entry) and entry.status is Status.DRAFT
-    ]
-    for one in (*drafts, *pending(snapshot)):
+    for one in pending(snapshot):
         if isinstance(one.entry, str):
             yield NotCompared(what=one.key, reason=one.entry)
-        elif one.entry.status is not Status.RETIRED:
+        else:
             yield from _proposed(one, one.entry, parsed, answers, policy)
 
 
@@ -72,7 +66,7 @@ def _proposed(
     answers: Sequence[Answer],
     policy: Policy,
 ) -> Iterator[Statement]:
-    draft = replace(entry, status=Status.DRAFT)
+    draft = entry.as_draft
     used: dict[str, tuple[str | None, Calibration, Calibration]] = {}
     where = f" on the branch {one.branch}" if one.branch is not None else ""
     came = f" --from {one.branch}" if one.branch is not None else ""
@@ -91,7 +85,7 @@ def _proposed(
         if found is not None and answer.resolution.path != one.path:
             here = (camera_words(answer.flown), answer.resolution.calibration, found.calibration)
             used.setdefault(answer.entry_id, here)
-    current = parsed.get(in_use_path(one.path))
+    current = parsed.get(one.path)
     if not used and isinstance(current, Entry) and current.is_usable:
         used[current.id] = (None, noted(current), noted(entry))
     for id_, (camera, K, other) in used.items():

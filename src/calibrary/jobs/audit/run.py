@@ -67,7 +67,7 @@ def audit(
     """
     if verify_minutes is not None:
         require(SFM, "comparing K with the pixels")
-    today, policy, index = date.today(), snapshot.configuration.policy, snapshot.index()
+    today, policy, index = date.today(), snapshot.policy, snapshot.index()
     seen = flights(folders, policy, since=since, workers=workers, progress=labelled(progress, "images"))
     parsed = dict(snapshot.parsed(sorted(snapshot.paths)))
     entries = {path: entry for path, entry in parsed.items() if isinstance(entry, Entry)}

@@ -13,14 +13,14 @@ from msgspec import Struct
 
 from calibrary.errors import InputError, RegistryError
 from calibrary.jobs.audit.age import Rule, age_finding, due_again
-from calibrary.records import Record
+from calibrary.records import Record, replace
 from calibrary.registry.configuration import ApprovalRule, Repeat
-from calibrary.registry.entry import Entry, Status
+from calibrary.registry.entry import Entry
 from calibrary.registry.git.history import Revision, history
 from calibrary.registry.git.objects import ObjectId
-from calibrary.registry.git.writing import Person, identity
+from calibrary.registry.git.writing import Person
 from calibrary.registry.in_force import Content, People
-from calibrary.registry.paths import id_of, in_use_path
+from calibrary.registry.paths import id_of
 from calibrary.registry.pending import Pending, pending
 from calibrary.registry.snapshot import Snapshot
 from calibrary.registry.standing import Book
@@ -100,14 +100,14 @@ class _Asker(Struct, frozen=True, kw_only=True):
 
     Attributes:
         person: as git names them; None without git.
-        people: the rules in force; None where no statements say what is approved.
+        people: the rules in force.
         rule: what an approval takes.
         name: name in statements that count as this person's; None if theirs do not count.
         asked: names or addresses of those whose approval counts; empty for anybody's.
     """
 
     person: Person | None
-    people: People | None
+    people: People
     rule: ApprovalRule
     name: str | None
     asked: tuple[str, ...]
@@ -115,14 +115,9 @@ class _Asker(Struct, frozen=True, kw_only=True):
     @classmethod
     def of(cls, snapshot: Snapshot) -> _Asker:
         """The person at this machine."""
-        repo, people = snapshot.repo, snapshot.book.rulebook.people if snapshot.is_stated else None
-        rules = people.rules if people is not None else snapshot.configuration.rules
-        person, name = None, None
-        if repo is not None and people is not None:
-            person, name = who_states(repo, people)
-        elif repo is not None:
-            person = identity(repo)[0]
-            name = person.name
+        people = snapshot.book.rulebook.people
+        rules = people.rules
+        person, name = who_states(snapshot.repo, people) if snapshot.repo is not None else (None, None)
         asked = rules.approvals.by or tuple(one.name for one in rules.people if one.keys)
         return cls(person=person, people=people, rule=rules.approvals, name=name, asked=asked)
 
@@ -132,7 +127,7 @@ class _Asker(Struct, frozen=True, kw_only=True):
             return False
         own = {self.name.lower(), self.person.email.lower()}
         # People are told apart as the rules do: by their keys, or by their addresses.
-        is_signed = self.people is not None and self.people.rules.is_signed
+        is_signed = self.people.rules.is_signed
         me = self.name if is_signed else self.person.email.lower() or self.name
         done = {name if is_signed else email.lower() or name for name, email in had}
         return me not in done and (not self.asked or bool(own & {one.lower() for one in self.asked}))
@@ -189,30 +184,21 @@ def _without_effect(snapshot: Snapshot, parsed: dict[str, Entry | InputError]) -
             yield Matter(
                 kind=Kind.UNREADABLE, what=id_of(path), text=str(entry), next="calibrary registry check"
             )
-    if snapshot.is_stated:
-        for path, why in snapshot.book.findings():
-            yield Matter(
-                kind=Kind.NO_EFFECT, what=path, text=why, yours=True, next="calibrary registry check"
-            )
+    for path, why in snapshot.book.findings():
+        yield Matter(kind=Kind.NO_EFFECT, what=path, text=why, yours=True, next="calibrary registry check")
 
 
 def _proposals(snapshot: Snapshot, asker: _Asker, parsed: dict[str, Entry | InputError]) -> Iterator[Matter]:
-    drafts = [
-        Pending(path=path, entry=entry)
-        for path, entry in parsed.items()
-        if isinstance(entry, Entry) and entry.status is Status.DRAFT
-    ]
-    for one in (*drafts, *pending(snapshot)):
+    for one in pending(snapshot):
         written = _written(snapshot, one)
         if isinstance(one.entry, str):
             since = _day_of(written)
             yield Matter(kind=Kind.UNREADABLE, what=one.key, text=one.entry, yours=True, since=since)
             continue
-        used = parsed.get(in_use_path(one.path))
+        used = parsed.get(one.path)
         if isinstance(used, Entry) and used.is_usable and content_of(used) == content_of(one.entry):
             continue  # a branch whose proposal was approved here
-        if one.entry.status is not Status.RETIRED:
-            yield _proposal(snapshot, asker, one, one.entry, written)
+        yield _proposal(snapshot, asker, one, one.entry, written)
 
 
 def _proposal(
@@ -220,9 +206,9 @@ def _proposal(
 ) -> Matter:
     had = [*_approvals(snapshot, one, content_of(entry))]
     by = f", proposed by {written.author.name}" if written is not None else ""
-    waits, people = "waits for approval", asker.people
+    waits = "waits for approval"
     if asker.rule.count > 1:
-        waits = f"{len(people.counted(had)) if people is not None else 0} of {asker.rule.count} approvals"
+        waits = f"{len(asker.people.counted(had))} of {asker.rule.count} approvals"
     came = f" --from {one.branch}" if one.branch is not None else ""
     fx = entry.calibration.intrinsics.fx
     return Matter(
@@ -240,7 +226,7 @@ def _approvals(snapshot: Snapshot, one: Pending, content: str) -> Iterator[Signe
     """Yield the approvals of a content that count, of the registry and of the branch on which it waits."""
     seen = set[str]()
     for book in _books(snapshot, one.branch):
-        for said in book.statements(subject_of(in_use_path(one.path))):
+        for said in book.statements(subject_of(one.path)):
             if not isinstance(said, Signed) or said.id in seen or said.body.action != "approve":
                 continue
             if Content.of(said.body).says == content and book.rulebook.why_not(said) is None:
@@ -255,11 +241,10 @@ def _people(said: Sequence[Signed]) -> list[tuple[str, str]]:
 
 def _books(snapshot: Snapshot, branch: str | None) -> Iterator[Book]:
     """Yield the statements of a registry, then those of a branch."""
-    if snapshot.is_stated:
-        yield snapshot.book
+    yield snapshot.book
     if branch is not None and snapshot.repo is not None:
         with suppress(RegistryError):
-            yield Book(snapshot.repo, snapshot.repo.commit_of(branch))
+            yield replace(snapshot, commit=snapshot.repo.commit_of(branch)).book
 
 
 def _written(snapshot: Snapshot, one: Pending) -> Revision | None:
@@ -278,8 +263,6 @@ def _day_of(written: Revision | None) -> date | None:
 
 
 def _rules(snapshot: Snapshot, asker: _Asker) -> Iterator[Matter]:
-    if not snapshot.is_stated:
-        return
     book, again = snapshot.book.rulebook, "calibrary registry approve registry.yaml"
     for body, number in book.waiting:
         who = [(body.person, body.email)]
@@ -294,7 +277,7 @@ def _rules(snapshot: Snapshot, asker: _Asker) -> Iterator[Matter]:
             next=again,
         )
     if not book.waiting and snapshot.configuration.rules != book.people.rules:
-        text = "registry.yaml asks for other approvals than those in force"
+        text = "registry.yaml asks for other rules than those in force"
         yield Matter(
             kind=Kind.RULES, what="registry.yaml", text=text, yours=asker.may_approve(()), next=again
         )
@@ -306,7 +289,7 @@ def _contradicting(snapshot: Snapshot, parsed: dict[str, Entry | InputError]) ->
     # What compares two K's in pixels takes longer to load than all else of a status.
     from calibrary.jobs.audit.other_statements import proposal_statements  # noqa: PLC0415  the reason above
 
-    for one in proposal_statements(snapshot, parsed, (), snapshot.configuration.policy):
+    for one in proposal_statements(snapshot, parsed, (), snapshot.policy):
         if isinstance(one, Finding) and one.severity is not Severity.NOTE:
             yield Matter(kind=Kind.CONTRADICTS, what=one.place or "", text=one.message, next=one.remedy)
 

@@ -81,7 +81,7 @@ def policy_for(
         return policy_of(policy)
     if registry is None and key is None:
         return FLEET
-    return Registry.open(one_registry(registry)).snapshot().configuration.policy
+    return Registry.open(one_registry(registry)).snapshot().policy
 
 
 def not_in_future(stated: Stated | None) -> Stated:

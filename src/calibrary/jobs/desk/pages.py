@@ -58,7 +58,7 @@ from calibrary.pages.wording import cut_table, distortion_blocks, intrinsics_ite
 from calibrary.provenance import facts
 from calibrary.records import replace
 from calibrary.registry.history import of_path
-from calibrary.registry.paths import ROOT, SUFFIX, id_of
+from calibrary.registry.paths import PROPOSED, ROOT, SUFFIX, id_of
 from calibrary.registry.snapshot import Snapshot
 from calibrary.view import (
     Badge,
@@ -571,7 +571,7 @@ class Pages:
     def _decide(self, asked: Asked) -> Response:
         fleet, what, key, branch = self._fleet, *(asked.text(name) for name in ("what", "key", "branch"))
         place = _place(fleet.snapshot.get(key).path).page if what == "retire" else None
-        shown = key if not branch else f"{key}@{branch}"
+        shown = f"{key}@{branch}" if branch else f"{key}{PROPOSED}"
         back = f"/{place}?" if place else f"/review/one?{urlencode({'key': shown})}&"
         command = decision(
             what,
@@ -609,8 +609,9 @@ class Pages:
                 id_=id_,
                 place=_place(path),
                 revisions=revisions,
-                changes=steps(id_, revisions, snapshot.configuration.policy),
+                changes=steps(id_, revisions, snapshot.policy),
                 files=downloads(stored.entry, snapshot.read(path)),
+                approvals=stored.standing.approvals if stored.standing is not None else (),
                 is_proposed=stored.proposal is not None,
             )
         good_for: tuple[Block, ...] = ("It is not in use, so no program gets it from the registry.",)
@@ -619,7 +620,7 @@ class Pages:
             good_for = (f"It is {snapshot.only_proposed(stored.path).lacks}.",)
         if stored.entry.is_usable:
             good_for = (*_good_for(fleet.use_of(stored)), *_program_flags(K))
-            decide = (Section(title="Decide", blocks=(retirement_form(id_, stored.base or ""),)),)
+            decide = (Section(title="Decide", blocks=(retirement_form(id_, stored.oid or ""),)),)
         compare = Link("Compare it with another state of it, or a file", f"/compare?{urlencode({'b': id_})}")
         command = self._command("registry", "show", id_)
         use = Section(title="What it is good for", blocks=(*good_for, compare, command))
@@ -631,7 +632,7 @@ class Pages:
         path = _path(fleet.snapshot, asked.path["stem"])
         revisions = of_path(fleet.registry.repo, fleet.commit or "", path)
         with np.errstate(all="ignore"):
-            for step in steps(id_of(path), revisions, fleet.snapshot.configuration.policy):
+            for step in steps(id_of(path), revisions, fleet.snapshot.policy):
                 if step.name == asked.path["name"]:
                     return step_page(step, id_=id_of(path), place=_place(path))
         raise InputError("there is no such change of this entry; its page lists them")

@@ -24,8 +24,9 @@ from calibrary.pages.wording import count, distortion_blocks, intrinsics_items, 
 from calibrary.provenance import facts
 from calibrary.records import replace
 from calibrary.registry.git.writing import identity
-from calibrary.registry.paths import PROPOSED
-from calibrary.registry.proposals import Proposal, Proposals
+from calibrary.registry.paths import PROPOSED, file_path
+from calibrary.registry.proposals import Proposals
+from calibrary.registry.stating import Change
 from calibrary.validation import Severity
 from calibrary.view import (
     Badge,
@@ -90,17 +91,17 @@ def proposal(fleet: Fleet, key: str, said: Sequence[Section] = ()) -> View:
 
     Args:
         fleet: the registry.
-        key: as ``registry status`` names it: proposals/…, and @BRANCH where it waits on another.
+        key: as ``registry status`` names it: KEY@proposed, or KEY@BRANCH where it waits on another.
         said: what was just tried.
 
     Raises:
         RegistryError: it is no longer proposed, or cannot be read.
     """
-    name, _, branch = key.partition("@")
-    change = fleet.propose_approval([name.removeprefix(PROPOSED)], source=branch or None)
+    name, _, branch = file_path(key).partition("@")
+    change = fleet.propose_approval([name], source=branch or None)
     [one] = change.proposals.items
-    if one.approves is None:
-        raise ConflictError(f"{one.entry.id}: nothing of it is proposed any more; it was decided meanwhile")
+    if one.seen is None:
+        raise ConflictError(f"{one.id}: nothing of it is proposed any more; it was decided meanwhile")
     compared = change.comparisons.get(one.path)
     matter = next((each for each in fleet.status().matters if each.what == key), None)
     person, remarks = identity(fleet.registry.repo)
@@ -117,13 +118,13 @@ def proposal(fleet: Fleet, key: str, said: Sequence[Section] = ()) -> View:
         ("waits", matter.text if matter is not None else "as a proposal"),
         ("since", str(matter.since) if matter is not None and matter.since else "unknown"),
         *where,
-        ("content", one.approves[:12]),
+        ("content", one.seen[:12]),
         ("you are", f"{person.name} <{person.email}>"),
     )
     return View(
-        title=f"Proposal for {one.entry.calibration.camera}",
+        title=f"Proposal for {one.after.calibration.camera}",
         badge=badge_of(compared) if compared is not None else Badge("new", Tone.NEUTRAL),
-        lead=f"{one.entry.id}. What is in use stays in use until this is approved.",
+        lead=f"{one.id}. What is in use stays in use until this is approved.",
         facts=facts_,
         sections=(
             *said,
@@ -140,11 +141,11 @@ def _beside(compared: DiffReport) -> Section:
     return Section(title="Beside the entry in use", blocks=(told, *comparison_sections(compared, ALTITUDE_M)))
 
 
-def _approval_forms(one: Proposal, name: str, branch: str, proposals: Proposals) -> Iterator[Block]:
+def _approval_forms(one: Change, name: str, branch: str, proposals: Proposals) -> Iterator[Block]:
     hidden = (
         Field(name="key", type="hidden", value=name),
         Field(name="branch", type="hidden", value=branch),
-        Field(name="digest", type="hidden", value=one.approves or ""),
+        Field(name="digest", type="hidden", value=one.seen or ""),
     )
     force = Field(
         name="force", type="checkbox", value="yes", label="Use it although it contradicts what is known"
@@ -180,13 +181,13 @@ def _approval_forms(one: Proposal, name: str, branch: str, proposals: Proposals)
         )
 
 
-def _proposed(one: Proposal) -> Iterator[Block]:
-    K: Calibration = one.entry.calibration
+def _proposed(one: Change) -> Iterator[Block]:
+    K: Calibration = one.after.calibration
     yield KeyValues((*intrinsics_items(K), ("grade", K.grade.value), *facts(K.provenance)))
     yield from distortion_blocks(K)
     rows = tuple(
         (each.name, *("–" if value is None else str(value) for value in (each.before, each.after)))
-        for each in one.changes
+        for each in one.fields
     )
     if rows:
         table = Table(
@@ -227,7 +228,7 @@ def decision(
 
     Args:
         what: approve, reject or retire.
-        key: of the entry; of a proposal to reject, that of the proposal.
+        key: of the entry.
         digest: id in git of the content that was looked at; the command writes nothing if it is another one by then.
         branch: with the proposal to approve; empty for the present one.
         reason: why.
@@ -244,7 +245,7 @@ def decision(
         return [
             "registry",
             "approve",
-            key.removeprefix(PROPOSED),
+            key,
             *on,
             *said,
             *(["--force"] if force else []),
@@ -252,7 +253,8 @@ def decision(
     if what not in {"reject", "retire"}:
         raise UsageError(f"there is no decision {what!r:.20}")
     since = ["--from", start.isoformat()] if start is not None else []
-    return ["registry", "retire", key, *said, *since]
+    named = f"{key}{PROPOSED}" if what == "reject" else key
+    return ["registry", "retire", named, *said, *since]
 
 
 def decided(job: Job) -> Section:

@@ -3,21 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import Annotated, Final
 
 from calibrary.calibration import CameraKey
-from calibrary.errors import CalibraryError, InputError
+from calibrary.errors import CalibraryError, RegistryError
 from calibrary.jobs.diff.comparison import ChangeVerdict, DiffReport, compare
 from calibrary.jobs.diff.verdicts import Kind
 from calibrary.pages.notebook import in_notebook
 from calibrary.policy import FLEET, Policy
 from calibrary.records import Meta, Record, replace
 from calibrary.registry.entry import Entry
-from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.firmware import compare as compare_versions
-from calibrary.registry.paths import PROPOSED, id_of, in_use_path, is_proposal
+from calibrary.registry.git.history import changed
+from calibrary.registry.paths import (
+    CAMERAS,
+    EVENTS,
+    PROPOSED,
+    file_path,
+    id_of,
+    is_entry,
+    is_proposal,
+    proposed_name,
+)
 from calibrary.registry.registry import Registry
+from calibrary.registry.snapshot import Snapshot
+from calibrary.registry.statements import RULES, entry_path, subject_in
 
 Counted = Callable[[int, int], None]
 """Called with the number done and the total."""
@@ -94,18 +104,41 @@ def since(
     Raises:
         RegistryError: the revision does not exist.
     """
-    # A proposal that is gone was withdrawn, or is an entry now, which is another change.
-    files = [one for one in registry.changed(rev) if one.after is not None or not is_proposal(one.path)]
-    now, blob = registry.snapshot(), registry.repo.blob
+    now, then = registry.snapshot(), registry.snapshot(rev)
+    names = _touched(now, then)
     changes = []
-    for done, file in enumerate(files, start=1):
-        old = now.paths.get(in_use_path(file.path)) if is_proposal(file.path) else file.before
-        before = _parsed(file.path, partial(blob, old)) if old is not None else None
-        after = _parsed(file.path, partial(blob, file.after)) if file.after is not None else None
-        changes.append(_change(_entry_name(file.path), before, after, policy))
+    for done, name in enumerate(names, start=1):
+        before, after = (_known(snapshot, name) for snapshot in (then, now))
+        if is_proposal(name):
+            # One that is gone was withdrawn, or is an entry now, which is another change.
+            if after is None or after == before:
+                continue
+            before = _known(now, file_path(name))
+        if before != after:
+            shown = f"{id_of(name)}{PROPOSED}" if is_proposal(name) else id_of(name)
+            changes.append(_change(shown, before, after, policy))
         if progress is not None:
-            progress(done, len(files))
+            progress(done, len(names))
     return _worst_first(changes)
+
+
+def _touched(now: Snapshot, then: Snapshot) -> list[str]:
+    """Return the names of what may differ between two states."""
+    repo, commit = now.require_git("has no revisions")
+    paths = {file.path for file in changed(repo, then.commit, commit, CAMERAS)}
+    events = [file.path for file in changed(repo, then.commit, commit, EVENTS)]
+    is_ruled = any(subject_in(path) == RULES for path in events)
+    paths |= {*now.cameras, *then.cameras} if is_ruled else {*map(entry_path, events)}
+    return sorted(name for path in paths if is_entry(path) for name in (path, proposed_name(path)))
+
+
+def _known(snapshot: Snapshot, name: str) -> Entry | str | None:
+    """Return an entry; None if there is none, or why it cannot be read."""
+    try:
+        stored = snapshot.at(name)
+    except RegistryError as error:
+        return str(error)
+    return stored.entry if stored is not None else None
 
 
 def by_firmware(
@@ -128,9 +161,10 @@ def by_firmware(
     """
     compare_versions(old, new)
     now = registry.snapshot()
-    cameras: dict[CameraKey, list[str]] = {}
-    for stored in (*now.proposals(), *now.entries()):
-        cameras.setdefault(stored.entry.calibration.camera, []).append(stored.path)
+    cameras: dict[CameraKey, dict[str, None]] = {}
+    proposed = {stored.path: stored for stored in now.proposals()}
+    for stored in (*proposed.values(), *now.entries()):
+        cameras.setdefault(stored.entry.calibration.camera, {})[stored.path] = None
     changes, there = [], set[str]()
     for done, paths in enumerate(cameras.values(), start=1):
         revisions = [(path, one.entry) for path in paths for one in registry.revisions(path)]
@@ -140,21 +174,18 @@ def by_firmware(
         before = next((one for one in entries if one[1].is_of_firmware(old)), None)
         after = next((one for one in entries if one[1].is_of_firmware(new)), None)
         if before is not None and after is not None:
-            changes.append(_change(_entry_name(after[0]), before[1], after[1], policy))
+            waits = after[0] in proposed and proposed[after[0]].entry == after[1]
+            shown = f"{id_of(after[0])}{PROPOSED if waits else ''}"
+            changes.append(_change(shown, before[1], after[1], policy))
         elif before is not None or after is not None:
             lacking = new if after is None else old
             reason = f"it has no calibration of firmware {lacking}: there is {', '.join(of_it)}"
-            changes.append(entry_change(id_of(paths[-1]), None, reason=reason, alarm=True))
+            changes.append(entry_change(id_of([*paths][-1]), None, reason=reason, alarm=True))
         if progress is not None:
             progress(done, len(cameras))
     known = f"there is {', '.join(sorted(there))}" if there else "no entry states a firmware"
     unmatched = f"no entry was made with firmware {old} or {new}: {known}" if not changes else None
     return replace(_worst_first(changes), unmatched=unmatched)
-
-
-def _entry_name(path: str) -> str:
-    """The id of an entry; that of a proposal says so."""
-    return f"{PROPOSED}{id_of(path)}" if is_proposal(path) else id_of(path)
 
 
 def _change(id_: str, before: Entry | str | None, after: Entry | str | None, policy: Policy) -> EntryChange:
@@ -191,14 +222,6 @@ def entry_change(
     )
     change.__dict__["comparison"] = comparison
     return change
-
-
-def _parsed(path: str, load: Callable[[], bytes]) -> Entry | str:
-    """The entry, or the reason why it cannot be read."""
-    try:
-        return parse_entry(load(), path)
-    except InputError as error:
-        return str(error)
 
 
 def _worst_first(changes: list[EntryChange]) -> FleetDiffReport:

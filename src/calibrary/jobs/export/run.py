@@ -17,7 +17,7 @@ from typing import Annotated, Final, TypeAlias
 from calibrary import parsers
 from calibrary.atomic import check_folder, write_files
 from calibrary.calibration import Calibration
-from calibrary.errors import InputError, UnsupportedModelError
+from calibrary.errors import InputError, RegistryError, UnsupportedModelError
 from calibrary.jobs.export.opensfm_names import odm_entry_names
 from calibrary.parsers.format import Fidelity, Fit, Format, WriteVerdict, in_words
 from calibrary.parsers.writing import check_limit, format_to_write
@@ -133,7 +133,10 @@ def export(
     form = form or ("csv" if out.suffix == ".csv" else None)
     record = check_target(form, out, max_error_px=max_error_px)
     unread: dict[str, InputError] = {}
-    stored = [one for one in snapshot.entries(unread.__setitem__) if one.entry.status.value in statuses]
+    every = [*snapshot.entries(unread.__setitem__), *(snapshot.proposals() if "draft" in statuses else ())]
+    stored = [one for one in every if one.entry.status.value in statuses]
+    if not stored and unread:
+        raise RegistryError(str(next(iter(unread.values()))))
     if not stored:
         waiting = snapshot.all_proposed() or "'calibrary registry list' shows what there is"
         raise InputError(f"no entry to export; {waiting}")

@@ -143,7 +143,7 @@ class Knowledge:
         for day, own in days.items():
             known = replace(self, on=day or self.on).of(metadata)
             entry = known.resolution
-            answer = (entry.layer, entry.path, entry.revision) if entry is not None else None
+            answer = (entry.layer, entry.path, str(entry.entry.validity)) if entry is not None else None
             found.setdefault(answer, (known, []))[1].append(own)
         yield from ((known, Names.joined(parts)) for known, parts in found.values())
 
@@ -206,7 +206,7 @@ def flight_entries(
         for known, _ in knowledge.by_day(metadata, days)
     )
     for metadata, known in dated:
-        if known.resolution is not None and known.resolution.revision is None:
+        if known.resolution is not None and not known.resolution.is_of_its_day:
             paths[known.resolution.path] = None
             continue
         if known.resolution is not None:

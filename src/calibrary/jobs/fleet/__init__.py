@@ -333,7 +333,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         from calibrary.jobs.use import allowed
         from calibrary.registry.entry import noted
 
-        own, policy = noted(stored.entry), self.snapshot.configuration.policy
+        own, policy = noted(stored.entry), self.snapshot.policy
         if stored.entry.override is None:
             return allowed(own, policy)
         # The check of a registry lets no K in against the rules of what a camera can be but by force.
@@ -347,8 +347,12 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
 
     def file(self, entry: ShownEntry) -> bytes:
         """Return the YAML of an entry, as it is in the registry."""
+        from calibrary.registry.entry import Status
+        from calibrary.registry.paths import proposed_name
+
         snapshot = self.snapshot if entry.commit is None else self.registry.snapshot(entry.commit)
-        return snapshot.read(entry.path)
+        is_proposed = entry.status is Status.DRAFT
+        return snapshot.read(proposed_name(entry.path) if is_proposed else entry.path)
 
     def history(
         self,
@@ -408,7 +412,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
             done = checks.check_range(self.snapshot, before, after, limits, contradictions, progress=reported)
             from calibrary.jobs.fleet.changes import with_material_changes_of_range
 
-            policy_used = limits or self.snapshot.configuration.policy
+            policy_used = limits or self.snapshot.policy
             done = with_material_changes_of_range(done, self.snapshot, policy_used)
         return done
 
@@ -599,7 +603,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         from calibrary.atomic import write_files
         from calibrary.records import replace
         from calibrary.registry.locking import lock_yaml, pinned, usable_paths
-        from calibrary.registry.paths import single_match
+        from calibrary.registry.paths import file_path, single_match
 
         snapshot = self.snapshot
         unanswered: list[str] = []
@@ -612,10 +616,11 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
                 pins += found
                 unanswered += without
             else:
-                pins.append(single_match(snapshot.matching(str(one)), snapshot.paths, str(one)))
+                pins.append(file_path(single_match(snapshot.matching(str(one)), snapshot.cameras, str(one))))
         if not pins:
             waiting = snapshot.all_proposed() or "'calibrary registry add FILE' proposes one"
-            raise RegistryError(f"no entry to pin: none is approved; {waiting}")
+            why = unanswered[0] if unanswered and not what else f"none is approved; {waiting}"
+            raise RegistryError(f"no entry to pin: {why}")
         lock = replace(pinned(snapshot, pins), unanswered=tuple(unanswered))
         write_files({Path(out): lock_yaml(lock)})
         return lock
@@ -734,7 +739,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
 
         >>> camera = calibrary.CameraKey(make="DJI", model="FC6310R")
         >>> change = calibrary.open_registry("fleet").propose("camera.xml", camera=camera)
-        >>> [(one.entry.id, one.is_new) for one in change.proposals.items]
+        >>> [(one.id, one.is_new) for one in change.proposals.items]
         [('dji/fc6310r/5472x3648', False)]
         """
         from calibrary.catalogue import overlay
@@ -809,12 +814,12 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         """Return what registry.yaml asks for, and what is in force, each as text, with git's id of registry.yaml.
 
         Raises:
-            RegistryError: the registry is an older one, without statements.
+            RegistryError: the registry has no registry.yaml.
         """
         from calibrary.registry.rules import rules_text, stated_rules
 
         asked, oid = stated_rules(self.registry)
-        return (rules_text(asked), oid), (rules_text(self.registry.snapshot().book.rulebook.people.rules), "")
+        return (rules_text(asked), oid), (rules_text(self.registry.snapshot().book.rules), "")
 
     def approve_rules(self, digest: str, reason: Text | None = None) -> ChangeReport:
         """Put in force what registry.yaml asks for: people, their keys, and whose approval an entry takes.
@@ -938,7 +943,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
                     raise RegistryError(
                         f"{key}: an approval is of what was looked at: name the commit, not a branch, tag or day"
                     )
-                seen.append(self.registry.snapshot(rev).pending(name).oid or "")
+                seen.append(self.registry.snapshot(rev).filed(name).oid or "")
         return names, tuple(seen)
 
     def sync(
@@ -1013,19 +1018,25 @@ def create_registry(
     *,
     remote: Annotated[str, Meta(title="URL")] | None = None,
     bare: bool = False,
+    migrate: bool = False,
 ) -> InitReport:
-    """Create a registry of camera calibrations in git, or copy one.
+    """Create a registry of camera calibrations in git, or copy one, or bring one of the former layout to this one.
 
     Args:
         path: folder of the registry (default: this folder, or for a copy the last part of its address).
         remote: copy this registry: https://, ssh://, user@host:path, or a folder.
         bare: without a work tree, for a server.
+        migrate: bring the registry that is there from the former layout to this one, in one commit.
 
     Raises:
         RegistryError: the folder already contains a registry or other files, or the address cannot be reached.
     """
-    from calibrary.registry.init import folder_for, init, init_from
+    from calibrary.registry.init import folder_for, init, init_from, migrated
 
+    if migrate:
+        if remote is not None or bare:
+            raise UsageError("--migrate goes with neither --remote nor --bare")
+        return migrated(Path(path or ""))
     if remote is not None:
         return init_from(remote, Path(path) if path else folder_for(remote), bare=bare)
     return init(Path(path or ""), bare=bare)

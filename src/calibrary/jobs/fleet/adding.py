@@ -30,20 +30,20 @@ from calibrary.parsers.imagery import read_metadata
 from calibrary.progress import log
 from calibrary.records import replace
 from calibrary.registry.entry import UNSTATED, Entry, Status, Validity, digest
-from calibrary.registry.entry_yaml import entry_file, parse_entry
-from calibrary.registry.paths import proposal_path
+from calibrary.registry.entry_yaml import entry_file, entry_yaml, parse_entry
+from calibrary.registry.fields import differences
+from calibrary.registry.paths import proposed_name
 from calibrary.registry.proposals import (
     AddedSource,
     Fate,
-    Proposal,
     Proposals,
     checked,
     judged,
-    proposal_of,
     propose,
 )
 from calibrary.registry.registry import Registry
 from calibrary.registry.snapshot import Snapshot
+from calibrary.registry.stating import Change
 from calibrary.validation import Severity
 
 OPTIONAL_TEXTS: Final = ("sub_camera", "lens", "capture_mode", "firmware")
@@ -134,14 +134,14 @@ def add_folder(
     """
     files = list(_files(folder))
     sources: list[AddedSource] = []
-    due: dict[str, tuple[Proposal, str]] = {}
+    due: dict[str, tuple[Change, str]] = {}
     for at, path in enumerate(files, start=1):
-        for one, proposal in _of_file(registry, path, path.relative_to(folder).as_posix(), said):
-            sources.append(one if proposal is None else _taken_in(due, one, proposal))
+        for one, change in _of_file(registry, path, path.relative_to(folder).as_posix(), said):
+            sources.append(one if change is None else _taken_in(due, one, change))
         if progress is not None:
             progress(at, len(files))
     name = folder.resolve().name or "a folder"
-    proposed = [proposal for proposal, _ in due.values()]
+    proposed = [change for change, _ in due.values()]
     snapshot, what = registry.branch(said.terms.branch), f"the calibrations of {name}"
     return _without_bad(snapshot, what, sources, proposed, said.terms.override)
 
@@ -156,16 +156,21 @@ def add_catalogue(registry: Registry, terms: Terms) -> Proposals:
     sources = [AddedSource(source=camera.title, fate=Fate.LEFT, reason=camera.reason) for camera in left]
     due = []
     for entry in entries:
-        beside = proposal_path(entry.path)
-        # A draft that an older version wrote to cameras/ is updated there.
-        path = entry.path if entry.path in snapshot.paths and beside not in snapshot.proposed else beside
-        there = (snapshot.proposed if path == beside else snapshot.paths).get(path)
-        current = _readable(snapshot, path) if there is not None else None
-        fate, reason = _fate(entry, current) if there is not None else (Fate.NEW, None)
+        is_there, current = entry.path in snapshot.cameras, _readable(snapshot, entry.path)
+        fate, reason = _fate(entry, current) if is_there else (Fate.NEW, None)
         source = entry.calibration.provenance.tag or entry.id
         sources.append(AddedSource(source=source, fate=fate, entry=entry.id, reason=reason))
         if fate in {Fate.NEW, Fate.CHANGED}:
-            due.append(proposal_of(entry, current, there, path=path))
+            due.append(
+                Change(
+                    action="add",
+                    before=current,
+                    after=entry,
+                    data=entry_yaml(entry),
+                    base=snapshot.cameras.get(entry.path),
+                    fields=differences(current, entry),
+                )
+            )
     return _without_bad(snapshot, "the catalogue of known cameras", sources, due)
 
 
@@ -183,7 +188,7 @@ def _files(folder: Path) -> Iterator[Path]:
 
 def _of_file(
     registry: Registry, path: Path, source: str, said: Said
-) -> Iterator[tuple[AddedSource, Proposal | None]]:
+) -> Iterator[tuple[AddedSource, Change | None]]:
     try:
         proposals = add_file(registry, path, said)
     except CalibraryError as error:
@@ -191,28 +196,28 @@ def _of_file(
         failure = str(error).removeprefix(f"{path.name}: ").removeprefix(f"{path}: ")
         yield AddedSource(source=source, fate=Fate.FAILED, reason=failure), None
         return
-    for proposal in proposals.items:
-        fate = Fate.SAME if not proposal.changes else Fate.NEW if proposal.is_new else Fate.CHANGED
-        reason = "; ".join((*_moved(proposal), *proposal.warnings)) or None
-        yield AddedSource(source=source, fate=fate, entry=proposal.entry.id, reason=reason), proposal
+    for one in proposals.items:
+        fate = Fate.SAME if not one.fields else Fate.NEW if one.is_new else Fate.CHANGED
+        reason = "; ".join((*_moved(one), *one.warnings)) or None
+        yield AddedSource(source=source, fate=fate, entry=one.id, reason=reason), one
 
 
-def _moved(proposal: Proposal) -> Iterator[str]:
+def _moved(one: Change) -> Iterator[str]:
     """Describe how far K moved: the word "changed" alone is no basis for a decision."""
-    if proposal.current is not None and proposal.changes:
-        before, after = (one.calibration.intrinsics for one in (proposal.current, proposal.entry))
+    if one.before is not None and one.fields:
+        before, after = (each.calibration.intrinsics for each in (one.before, one.after))
         if before != after:
             yield f"fx {before.fx:.6g} → {after.fx:.6g} px ({after.fx / before.fx - 1.0:+.2%})"
 
 
-def _taken_in(due: dict[str, tuple[Proposal, str]], one: AddedSource, proposal: Proposal) -> AddedSource:
-    """Add a proposal to ``due``; a second file of the same camera is ignored if equal and fails if different."""
+def _taken_in(due: dict[str, tuple[Change, str]], one: AddedSource, change: Change) -> AddedSource:
+    """Add a change to ``due``; a second file of the same camera is ignored if equal and fails if different."""
     if one.fate is Fate.SAME:
         return one
-    first, source = due.setdefault(proposal.entry.path, (proposal, one.source))
-    if first is proposal:
+    first, source = due.setdefault(change.path, (change, one.source))
+    if first is change:
         return one
-    if _numbers(first.entry) == _numbers(proposal.entry):
+    if _numbers(first.after) == _numbers(change.after):
         return replace(one, fate=Fate.SAME, reason=f"the same numbers as in {source}")
     reason = (
         f"{source} has other numbers for the same camera; add the right one by itself, or distinguish "
@@ -223,9 +228,10 @@ def _taken_in(due: dict[str, tuple[Proposal, str]], one: AddedSource, proposal: 
 
 def _readable(snapshot: Snapshot, path: str) -> Entry | None:
     try:
-        return parse_entry(snapshot.read(path), path)
+        stored = snapshot.at(proposed_name(path)) or snapshot.at(path)
     except CalibraryError:
         return None
+    return stored.entry if stored is not None else None
 
 
 def _fate(entry: Entry, current: Entry | None) -> tuple[Fate, str | None]:
@@ -255,7 +261,7 @@ def _without_bad(
     snapshot: Snapshot,
     what: str,
     sources: Sequence[AddedSource],
-    proposed: Sequence[Proposal],
+    proposed: Sequence[Change],
     override: str | None = None,
 ) -> Proposals:
     """Leave out the entries that fail a check, so that one bad file does not hold up the others."""
@@ -265,7 +271,7 @@ def _without_bad(
     for finding in judged(snapshot, looked, contradictions, override).findings:
         if finding.severity is Severity.ERROR:
             errors.setdefault(finding.place or "", finding.message)
-    bad = {one.entry.id: errors[one.path] for one in proposed if one.path in errors}
+    bad = {one.id: errors[one.path] for one in proposed if one.path in errors}
     good = tuple(one for one in proposed if one.path not in errors)
     return Proposals(
         items=good,

@@ -6,7 +6,7 @@ a distortion may move projections by more than the policy's limits.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from types import MappingProxyType
@@ -24,14 +24,13 @@ from calibrary.records import Json, replace, to_json
 from calibrary.registry.entry import Entry
 from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.fields import FieldChange, differences
-from calibrary.registry.git.errors import FileConflictError, TooLargeError
+from calibrary.registry.git.errors import FileConflictError
 from calibrary.registry.git.history import changed
-from calibrary.registry.git.repository import Repository
-from calibrary.registry.git.writing import Written
-from calibrary.registry.paths import CAMERAS, PROPOSALS, in_use_path
-from calibrary.registry.proposals import FREELY, ChangeReport, Proposals, change_report, judged, save
+from calibrary.registry.paths import CAMERAS, EVENTS, is_entry, proposed_name
+from calibrary.registry.proposals import FREELY, ChangeReport, Proposals, Saved, change_report, judged, save
 from calibrary.registry.registry import Registry
 from calibrary.registry.snapshot import Snapshot
+from calibrary.registry.statements import entry_path
 from calibrary.validation import Finding, Severity
 
 if TYPE_CHECKING:
@@ -60,18 +59,16 @@ class ProposedChange(Struct, eq=False):
     proposals: Proposals
     terms: Terms = FREELY
     source: Path | None = None
-    written: Written | None = None
+    written: Saved | None = None
     comparisons: Mapping[str, DiffReport] = MappingProxyType({})
 
     def __post_init__(self) -> None:
         """Weigh each K, compare it with the one that it replaces, and find what exceeds the policy's limits."""
         snapshot = self.registry.branch(self.terms.branch)
         self.proposals = judged(snapshot, self.proposals, contradictions, self.terms.override)
-        self.proposals, self.comparisons = _with_material_changes(
-            self.proposals, snapshot.configuration.policy
-        )
+        self.proposals, self.comparisons = _with_material_changes(self.proposals, snapshot.policy)
 
-    def write(self) -> Written:
+    def write(self) -> Saved:
         """Write the change as one commit.
 
         Raises:
@@ -124,8 +121,7 @@ def _in_its_place(registry: Registry, source: Path, proposals: Proposals) -> Ite
     The commit then replaces the edit; if it fails, the edit is restored.
     """
     repo, here = registry.repo, source.resolve()
-    own = {path for one in proposals.due for path in (one.path, one.entry.path)}
-    path = next((path for path in own if here == repo.path / path), None)
+    path = next((one.path for one in proposals.due if here == repo.path / one.path), None)
     tip = repo.tip()
     if path is None or repo.work_tree is None or tip is None:
         yield
@@ -156,7 +152,7 @@ def weighed(snapshot: Snapshot, proposals: Proposals, policy: Policy) -> Proposa
 
 
 def _with_material_changes(proposals: Proposals, policy: Policy) -> tuple[Proposals, dict[str, DiffReport]]:
-    changes = [(one.path, one.current, one.entry) for one in proposals.due if one.current is not None]
+    changes = [(one.path, one.before, one.after) for one in proposals.due if one.before is not None]
     compared = _compared(changes, policy)
     said = {
         one.place
@@ -173,7 +169,7 @@ def _require_reason(proposals: Proposals, reason: str | None) -> None:
     Raises:
         RegistryError: no reason is given.
     """
-    used = {one.path: one.entry.reason for one in proposals.due if one.entry.is_usable}
+    used = {one.path: one.after.reason for one in proposals.due if one.after.is_usable}
     for finding in proposals.findings:
         if finding.rule == MATERIAL and not (reason or used.get(finding.place or "", "proposed")):
             raise RegistryError(
@@ -185,12 +181,12 @@ def with_material_changes_of_range(done: CheckDocument, snapshot: Snapshot, poli
     """Add such findings for the changes between two commits."""
     if done.before is None or done.commit is None or snapshot.repo is None:
         return done
-    changes = [one for one in _of_range(snapshot.repo, done.before, done.commit) if one[1].is_usable]
+    changes = tuple(_of_range(replace(snapshot, commit=done.before), replace(snapshot, commit=done.commit)))
     found = _material(changes, _compared(changes, policy), policy)
     return replace(done, findings=(*done.findings, *found))
 
 
-def _compared(changes: Iterable[Change], policy: Policy) -> dict[str, DiffReport]:
+def _compared(changes: Sequence[Change], policy: Policy) -> dict[str, DiffReport]:
     """Compare the calibrations before and after; those that differ in more than notes, and can be compared."""
     # Loading takes 0.1 s, and most changes do not affect a K.
     from calibrary.jobs.diff.comparison import compare  # noqa: PLC0415  the reason above
@@ -205,7 +201,7 @@ def _compared(changes: Iterable[Change], policy: Policy) -> dict[str, DiffReport
 
 
 def _material(
-    changes: Iterable[Change], compared: Mapping[str, DiffReport], policy: Policy
+    changes: Sequence[Change], compared: Mapping[str, DiffReport], policy: Policy
 ) -> Iterator[Finding]:
     for path, before, after in changes:
         found, sizes = compared.get(path), {one.calibration.intrinsics.image_size for one in (before, after)}
@@ -226,14 +222,17 @@ def _material(
             )
 
 
-def _of_range(repo: Repository, start: str, end: str) -> Iterator[Change]:
-    for folder in (CAMERAS, PROPOSALS):
-        for file in changed(repo, start, end, folder):
-            if file.after is None:
-                continue
-            # What is no entry, or too large to be one, is reported by the check.
-            with suppress(InputError, TooLargeError):
-                base = repo.read(start, in_use_path(file.path))
-                if base is not None:
-                    before = parse_entry(base.data, in_use_path(file.path))
-                    yield file.path, before, parse_entry(repo.blob(file.after), file.path)
+def _of_range(start: Snapshot, end: Snapshot) -> Iterator[Change]:
+    """Yield what is in force or proposed after a range, beside what was in force before it."""
+    repo, commit = end.require_git("has no revisions")
+    touched = {file.path for file in changed(repo, start.commit, commit, CAMERAS)}
+    for file in changed(repo, start.commit, commit, EVENTS):
+        touched.add(entry_path(file.path))
+    for path in sorted(touched):
+        # What is no entry, or too large to be one, is reported by the check.
+        with suppress(RegistryError):
+            if is_entry(path) and (before := start.at(path)) is not None and before.entry.is_usable:
+                names = (path, proposed_name(path))
+                yield from (
+                    (path, before.entry, after.entry) for name in names if (after := end.at(name)) is not None
+                )

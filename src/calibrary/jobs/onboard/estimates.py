@@ -16,7 +16,7 @@ from calibrary.arguments import Stated
 from calibrary.calib.detection import Detections
 from calibrary.calib.result import CalibrationResult
 from calibrary.calibration import Calibration, CameraKey, Grade, SourceFile
-from calibrary.errors import CalibraryError, InputError
+from calibrary.errors import CalibraryError, InputError, RegistryError
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.calibrate.report import Asked, report_of
 from calibrary.jobs.diff.comparison import compare
@@ -31,7 +31,6 @@ from calibrary.parsers.files import sha256_of
 from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.registry.entry import Entry
-from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.paths import folder_of, id_of
 from calibrary.registry.resolution import Resolution
 from calibrary.registry.snapshot import Snapshot
@@ -266,15 +265,17 @@ def relatives(snapshot: Snapshot, entry: Entry, policy: Policy) -> tuple[Related
     """The entries of the same model: its own first, then those with the same image size."""
     camera = entry.calibration.camera
     folder = folder_of(camera.make or "", camera.model or "")
-    paths = sorted(path for path in snapshot.paths if path.startswith(folder))
+    paths = sorted(path for path in snapshot.cameras if path.startswith(folder))
     found: list[tuple[tuple[bool, bool, str], str, Entry]] = []
     for path in paths[:MOST_READ]:
         try:
-            other = parse_entry(snapshot.read(path), path)
-        except InputError:
+            stored = snapshot.at(path)
+        except RegistryError:
             # `registry check` reports entries that cannot be read.
             continue
-        found.append(((path != entry.path, not _is_same_frame(other, entry), id_of(path)), path, other))
+        if stored is not None:
+            other = stored.entry
+            found.append(((path != entry.path, not _is_same_frame(other, entry), id_of(path)), path, other))
     found.sort(key=lambda one: one[0])
     return tuple(_related(path, other, entry, policy) for _, path, other in found[:MOST_RELATIVES])
 

@@ -63,8 +63,8 @@ from calibrary.policy import Policy
 from calibrary.progress import Progress, counted, labelled
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
-from calibrary.registry.paths import proposal_path, slug
-from calibrary.registry.proposals import note_of, propose, save
+from calibrary.registry.paths import proposed_name, slug
+from calibrary.registry.proposals import message_of, propose, save
 from calibrary.registry.registry import Registry
 from calibrary.registry.resolution import Resolution
 from calibrary.sfm.pixel_judging import FEWEST_IMAGES
@@ -114,7 +114,7 @@ class Onboarding(Struct, frozen=True, kw_only=True):
     @property
     def policy(self) -> Policy:
         """Policy of the registry."""
-        return self.registry.configuration.policy
+        return self.registry.snapshot().policy
 
     def run(self, only: str | None) -> OnboardReport:
         """Decide on every camera; writes nothing.
@@ -282,7 +282,7 @@ class Onboarding(Struct, frozen=True, kw_only=True):
         except (InputError, RegistryError) as error:
             return replace(so_far, reason=str(error), next="see the current entry: calibrary registry list")
         [proposal] = proposals.items
-        entry, current = proposal.entry, proposal.current
+        entry, current = proposal.after, proposal.before
         done = replace(
             so_far,
             entry=ProposedEntry.of(entry, current),
@@ -351,9 +351,8 @@ class Onboarding(Struct, frozen=True, kw_only=True):
     def _waiting_at(self, branch: str, path: str) -> Entry | None:
         """The proposed or current entry on a branch, or on the main branch if that branch does not exist."""
         snapshot = self.registry.branch(branch)
-        there = proposal_path(path) if proposal_path(path) in snapshot.proposed else path
         try:
-            found = snapshot.at(there)
+            found = snapshot.at(proposed_name(path)) or snapshot.at(path)
         except RegistryError:
             return None
         return found.entry if found is not None else None
@@ -400,11 +399,11 @@ def write_drafts(done: OnboardReport, registry: Registry, reason: str | None) ->
     for branch in sorted({branch_of(entry.calibration.camera) for entry in done.drafts}):
         entries = [entry for entry in done.drafts if branch_of(entry.calibration.camera) == branch]
         named = entries[0].id if len(entries) == 1 else f"{len(entries)} cameras"
-        note = note_of(f"Propose {named}, taken on board", entries, reason)
-        note = replace(note, sources=_with_sources(note.sources, done, {entry.id for entry in entries}))
+        sources = _sources(done, {entry.id for entry in entries})
+        message = message_of(f"Propose {named}, taken on board", entries, reason, sources)
         proposals = propose(registry.branch(branch), entries)
-        written = save(registry, proposals, Terms(branch=branch), note=note)
-        digests |= {item.entry.id: item.digest for item in proposals.items}
+        written = save(registry, proposals, Terms(branch=branch), message=message)
+        digests |= {item.id: item.digest for item in proposals.items}
         branches[branch] = written.commit
         warnings += written.warnings
     cameras = tuple(
@@ -423,20 +422,16 @@ def _written(one: CameraDecision, digest: str | None) -> CameraDecision:
     return replace(one, decision=Decision.PROPOSED, entry=replace(one.entry, digest=digest), next=approving)
 
 
-def _with_sources(
-    known: Sequence[tuple[str | None, str]], done: OnboardReport, entries: set[str]
-) -> tuple[tuple[str | None, str], ...]:
-    """Append name and SHA-256 of every file that was used for the entries to the known ones."""
+def _sources(done: OnboardReport, entries: set[str]) -> dict[str, str | None]:
+    """Return the name of every file that was used for entries, by its SHA-256."""
     # Frames of a board are numerous, and the entry itself lists them.
-    read = {
-        source.sha256: (source.name, source.sha256)
+    return {
+        source.sha256: source.name
         for one in done.cameras
         if one.entry is not None and one.entry.id in entries
         for source in one.sources
         if source.what != FRAME
     }
-    there = {sha256 for _, sha256 in known}
-    return (*known, *(pair for sha256, pair in read.items() if sha256 not in there))
 
 
 def flight_hint(images: int) -> str | None:

@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Sequence
 from datetime import date
 from functools import partial
+from itertools import filterfalse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -21,10 +22,9 @@ from calibrary.jobs.use import Allowed
 from calibrary.policy import FLEET, Policy
 from calibrary.records import Json, Record, from_json, replace
 from calibrary.registry.entry import Entry, Status
-from calibrary.registry.entry_yaml import parsed
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.history import Approval, Recorded, approvals_of, recorded
-from calibrary.registry.paths import find_path, find_paths, id_of, proposal_path, unit_folder
+from calibrary.registry.paths import PROPOSED, find_path, find_paths, id_of, is_proposal, unit_folder
 from calibrary.registry.resolution import RegistryIndex, RejectedEntry, Resolution
 from calibrary.registry.snapshot import Snapshot, StoredEntry
 
@@ -58,7 +58,7 @@ class UsedEntry(Record):
             history was not asked for.
         approved: who approved it, and in which commits, if the history was asked for.
         override: why it is used although it contradicts what is known about its camera; None if it does not.
-        proposal: path of the proposal to replace it; None if there is none.
+        proposal: KEY of what is proposed to replace it; None if nothing is.
     """
 
     id: str
@@ -310,18 +310,19 @@ def _of_camera(calibration: Calibration | None, found: Resolution) -> Calibratio
 
 
 def _policy(layer: Layer) -> Policy:
-    return layer.snapshot.configuration.policy if layer.snapshot is not None else FLEET
+    return layer.snapshot.policy if layer.snapshot is not None else FLEET
 
 
 def _used(layer: Layer, found: Resolution, *, history: bool) -> UsedEntry:
     entry, put, snapshot = found.entry, None, layer.snapshot
     approved: tuple[Approval, ...] = ()
     if history and snapshot is not None and snapshot.repo is not None and snapshot.commit is not None:
-        at = found.revision or snapshot.commit
-        standing = snapshot.standing(found.path)
-        stored = StoredEntry(entry=entry, path=found.path, oid=None, commit=at, standing=standing)
+        standing = None if found.is_of_its_day else snapshot.standing(found.path)
+        stored = StoredEntry(
+            entry=entry, path=found.path, oid=None, commit=snapshot.commit, standing=standing
+        )
         put, approved = recorded(snapshot.repo, stored), approvals_of(snapshot.repo, stored)
-    proposed = proposal_path(found.path)
+    waits = snapshot is not None and snapshot.standing(found.path).is_proposed
     return UsedEntry(
         id=id_of(found.path),
         path=found.path,
@@ -332,7 +333,7 @@ def _used(layer: Layer, found: Resolution, *, history: bool) -> UsedEntry:
         recorded=put,
         approved=approved,
         override=entry.override,
-        proposal=proposed if snapshot is not None and proposed in snapshot.proposed else None,
+        proposal=f"{id_of(found.path)}{PROPOSED}" if waits else None,
         label=entry.label,
     )
 
@@ -378,7 +379,7 @@ def _of_word(layers: Layers, word: str) -> CameraKey:
     """
     for layer in layers.layers:
         snapshot = layer.snapshot
-        if snapshot is not None and (paths := snapshot.in_use(word)):
+        if snapshot is not None and (paths := [*filterfalse(is_proposal, snapshot.matching(word))]):
             return _of_paths(word, paths, partial(_entry, snapshot))
     make, _, rest = (part.strip() for part in word.partition("/"))
     model, _, variant = rest.partition("/")
@@ -396,7 +397,7 @@ def _of_word(layers: Layers, word: str) -> CameraKey:
     first = layers.layers[0]
     if first.snapshot is not None:
         # No entry has this name; raise the error that lists similar ones.
-        find_path(first.snapshot.paths, word)
+        find_path(first.snapshot.cameras, word)
     raise UnknownCameraError(
         f"{word}: no such camera in {', '.join(layer.name for layer in layers.layers)}; a published registry is asked "
         "with an image, or by make and model, as in dji/fc6310r; a unit by --make, --model and --serial as in EXIF"
@@ -428,4 +429,4 @@ def _entry(snapshot: Snapshot, path: str) -> Entry:
         key = CameraKey(make=make, model=model, serial=serial)
         if (entry := snapshot.index_for(key).candidates(key).get(path)) is not None:
             return entry
-    return parsed(snapshot.read(path), path, require_digest=False)
+    return snapshot.entry(path)

@@ -33,11 +33,12 @@ from calibrary.policy import Policy
 from calibrary.probability import two_digits
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
-from calibrary.registry.entry_yaml import parse_entry
 from calibrary.registry.git.history import Revision, histories, history
 from calibrary.registry.history import EntryRevision, of_path
-from calibrary.registry.paths import id_of, proposal_path
+from calibrary.registry.paths import id_of, proposed_name
 from calibrary.registry.registry import Registry
+from calibrary.registry.standing import Evidence
+from calibrary.registry.statements import entry_path
 from calibrary.view import Badge, Cell, Column, Link, Note, Section, Table, Tone, View
 from calibrary.workers import mapped
 
@@ -119,15 +120,15 @@ def build_into(
     job = Job(
         registry=registry.resolve(),
         commit=shown,
-        policy=opened.configuration.policy,
+        policy=snapshot.policy,
         root=folder,
     )
     # For a few files, git's log of each is faster than one over all commits.
-    files = histories(repo, shown) if len(snapshot.paths) >= WORTH_A_POOL else None
+    files = histories(repo, shown, entry_path) if len(snapshot.paths) >= WORTH_A_POOL else None
     tasks = [
         Task(
             path=path,
-            is_proposed=proposal_path(path) in snapshot.proposed,
+            is_proposed=proposed_name(path) in snapshot.proposed,
             revisions=files.get(path) if files is not None else None,
         )
         for path in sorted(snapshot.paths)
@@ -204,8 +205,8 @@ def _write_entry(task: Task, job: Job, registry: Registry) -> Card:
     revisions = of_path(registry.repo, job.commit, task.path, revisions=task.revisions)
     id_ = id_of(task.path)
     try:
-        data = registry.snapshot(job.commit).read(task.path)
-        entry = parse_entry(data, task.path)
+        snapshot = registry.snapshot(job.commit)
+        data, entry = snapshot.read(task.path), snapshot.entry(task.path)
     except (InputError, RegistryError) as error:
         return Card(path=task.path, id=id_, problem=str(error), revisions=len(revisions))
     place = Place.of(task.path, proper=entry.path == task.path)
@@ -219,6 +220,7 @@ def _write_entry(task: Task, job: Job, registry: Registry) -> Card:
             place=place,
             revisions=revisions,
             changes=changes,
+            approvals=snapshot.standing(task.path).approvals,
             is_proposed=task.is_proposed,
         )
     for folder in {str(Path(address).parent) for address in content}:
@@ -236,6 +238,7 @@ def entry_files(
     place: Place,
     revisions: Sequence[EntryRevision],
     changes: Sequence[Step],
+    approvals: Sequence[Evidence] = (),
     is_proposed: bool = False,
 ) -> dict[str, bytes]:
     """All files of an entry in a site, by address: its page, its downloads, a page for each change.
@@ -247,6 +250,7 @@ def entry_files(
         place: location of its pages.
         revisions: newest first.
         changes: of its calibration, newest first.
+        approvals: of the entry.
         is_proposed: whether a proposal to replace it waits for approval.
     """
     own = downloads(entry, data)
@@ -257,6 +261,7 @@ def entry_files(
         revisions=revisions,
         changes=changes,
         files=own,
+        approvals=approvals,
         is_proposed=is_proposed,
     )
     content = {place.page: render_page(page).encode()}

@@ -40,6 +40,7 @@ from calibrary.registry.fields import differences, entry_rows
 from calibrary.registry.git.history import Revision
 from calibrary.registry.history import EntryRevision
 from calibrary.registry.paths import slug
+from calibrary.registry.standing import Evidence
 from calibrary.view import (
     Badge,
     Block,
@@ -201,7 +202,7 @@ def story(
     titles = (
         "date",
         "by",
-        "status",
+        "what was done",
         "grade",
         "firmware",
         "fx (px)",
@@ -285,13 +286,13 @@ def _valid(entry: Entry) -> tuple[date | None, date | None] | None:
 
 def _row(one: EntryRevision, by_commit: dict[str, Step], place: Place) -> tuple[Cell, ...]:
     entry, delta, revision = one.entry, one.delta, one.revision
-    gone = "removed" if revision.oid is None else "unreadable"
+    file = "written" if entry is not None else "removed" if revision.oid is None else "unreadable"
     change = partial(_delta, delta)
     step = by_commit.get(revision.commit)
     return (
         f"{revision.authored:%Y-%m-%d}",
         revision.author.name,
-        Badge(entry.status.value, STATUSES[entry.status]) if entry is not None else Badge(gone, Tone.NEUTRAL),
+        Badge(", ".join(one.actions) or file, Tone.NEUTRAL),
         entry.calibration.grade.value if entry is not None else "–",
         one.firmware or "–",
         f"{entry.calibration.intrinsics.fx:.2f}" if entry is not None else "–",
@@ -414,6 +415,7 @@ def camera_page(
     revisions: Sequence[EntryRevision],
     changes: Sequence[Step],
     files: Sequence[Download],
+    approvals: Sequence[Evidence] = (),
     is_proposed: bool = False,
 ) -> View:
     """Make the page of an entry.
@@ -425,6 +427,7 @@ def camera_page(
         revisions: of the entry, newest first.
         changes: of its calibration, newest first.
         files: to download.
+        approvals: of the entry.
         is_proposed: whether a proposal to replace it waits for approval.
     """
     calibration = entry.calibration
@@ -445,7 +448,7 @@ def camera_page(
             Section(title="K", blocks=tuple(_k(entry, id_))),
             Section(title="Lens", blocks=tuple(_lens(calibration)), printed=False),
             Section(title="Uncertainty", blocks=tuple(_uncertainty(calibration)), printed=False),
-            Section(title="Where it is from", blocks=(*_provenance(entry), *_approved(revisions))),
+            Section(title="Where it is from", blocks=(*_provenance(entry), *_approved(approvals, revisions))),
             Section(title="History", blocks=tuple(story(id_, place, revisions, changes))),
             Section(title="Download", blocks=tuple(download_blocks(files, way_to)), printed=False),
         ),
@@ -477,7 +480,7 @@ def _use(entry: Entry, id_: str, place: Place, *, is_proposed: bool) -> Iterator
         yield Note(text=text, action="calibrary registry show IMAGE")
     if is_proposed:
         text = "Another K is proposed to replace it, and is not used before it is approved."
-        yield Note(text=text, action=f"calibrary registry show proposals/{id_}", tone=Tone.CAUTION)
+        yield Note(text=text, action=f"calibrary registry show {id_}@proposed", tone=Tone.CAUTION)
     named = (("label", entry.label or ""), ("tags", ", ".join(entry.tags)))
     if any(value for _, value in named):
         yield KeyValues(tuple((name, value) for name, value in named if value))
@@ -498,19 +501,13 @@ def _k(entry: Entry, id_: str) -> Iterator[Block]:
     yield Code(text=f"calibrary registry show {id_}", label="The command that shows this entry")
 
 
-def _approved(revisions: Sequence[EntryRevision]) -> Iterator[Block]:
-    """Approval of the present numbers: the oldest revision since which they are in use."""
-    first, numbers = None, None
-    for one in revisions:
-        if one.entry is None or not one.entry.is_usable:
-            break
-        found = digest(one.entry.calibration, one.entry.sensor, one.entry.rig)
-        if numbers is not None and found != numbers:
-            break
-        first, numbers = one.revision, found
-    if first is not None:
+def _approved(approvals: Sequence[Evidence], revisions: Sequence[EntryRevision]) -> Iterator[Block]:
+    """Who approved the present content, and in which commit."""
+    commits = {path: one.revision.commit for one in revisions for path in one.revision.beside}
+    if approvals:
+        said = ((f"{one.made[:10]} by {one.by}", commits.get(one.path)) for one in approvals)
         yield KeyValues(
-            (("approved", f"{first.authored:%Y-%m-%d} by {first.author.name}, commit {first.commit[:12]}"),)
+            tuple(("approved", f"{by}, commit {commit[:12]}" if commit else by) for by, commit in said)
         )
 
 

@@ -26,7 +26,7 @@ from calibrary.known_camera import KnownCamera, match_key, normalise_sub_camera
 from calibrary.policy import Policy
 from calibrary.records import replace
 from calibrary.registry.entry import Entry, Status
-from calibrary.registry.paths import in_use_path
+from calibrary.registry.paths import file_path
 from calibrary.validation import Finding, Severity
 
 BY_CATALOGUE: Final = "against-catalogue"
@@ -205,7 +205,7 @@ def _of_sensor(entry: Entry) -> list[_Known]:
 
 def _of_relatives(path: str, entry: Entry, entries: Mapping[str, Entry], usual: float) -> Iterator[_Known]:
     """The nearest of the usable entries for other units and image sizes of the same camera."""
-    fx, own = entry.calibration.intrinsics.fx, {path, in_use_path(path)}
+    fx, own = entry.calibration.intrinsics.fx, {path, file_path(path)}
     others = {
         other_path: (
             found.intrinsics.fx,
