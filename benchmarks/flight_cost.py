@@ -25,8 +25,8 @@ from PIL import Image
 
 from benchmarks.table import compared
 from calibrary.calibration import Calibration, Intrinsics
+from calibrary.jobs.calibrate.flight_images import FlightOptions, solve_images
 from calibrary.jobs.calibrate.frames import Told
-from calibrary.jobs.calibrate_flight.run import FlightOptions, solve_images
 from calibrary.jobs.verify.look import look
 from calibrary.records import replace
 from tests.sfm.flights import CAMERA, Plan

@@ -27,9 +27,10 @@ from calibrary.calib.rig.start import HALF_TURN, Eye, Link, eye_of, links, turns
 from calibrary.calib.rig.verdict import RIG_LIMITS, RigEvidence, RigLimits, is_loose, judge_rig
 from calibrary.calib.solve import Solution
 from calibrary.calib.variance_factor import SplitHalf, split_half
-from calibrary.calib.verdict import LIMITS, Limits
+from calibrary.calib.verdict import LIMITS
 from calibrary.calibration import Covariance, ImageSize
 from calibrary.errors import CalibrationError, InputError
+from calibrary.policy import FLEET, Policy
 from calibrary.records import Record, replace
 from calibrary.rig import RigPose, turn_jacobian
 from calibrary.validation import Finding, Use
@@ -363,8 +364,7 @@ def estimate_rig(
     model: str = "auto",
     *,
     warp: bool = True,
-    limits: Limits = LIMITS,
-    rig_limits: RigLimits = RIG_LIMITS,
+    policy: Policy = FLEET,
 ) -> RigResult:
     """Calibrate the cameras of a rig and their relative poses.
 
@@ -372,8 +372,7 @@ def estimate_rig(
         observations: views of one board by the cameras of one rig.
         model: lens model of all cameras, or "auto" to choose one for each camera.
         warp: whether the board warp may be estimated.
-        limits: limits of the cameras' verdicts.
-        rig_limits: limits of the rig's verdict.
+        policy: limits of σ for each use.
 
     Raises:
         InputError: the observations are inconsistent, or the scale of the board is unknown.
@@ -396,12 +395,10 @@ def estimate_rig(
         troubles=_troubles(seen, eyes, tied),
     )
     if placed is None:
-        results = {name: assess(one, limits) for name, one in zip(seen.names, alone, strict=True)}
-        return _judged(
-            results, {}, replace(evidence, verdicts=_verdicts(results)), rig_limits, (), observations
-        )
+        results = {name: assess(one, policy=policy) for name, one in zip(seen.names, alone, strict=True)}
+        return _judged(results, {}, replace(evidence, verdicts=_verdicts(results)), (), observations)
     solution = solve_rig(seen, eyes, placed, warp=warp)
-    return _assessed(observations, solution, alone, evidence, limits, rig_limits)
+    return _assessed(observations, solution, alone, evidence, policy)
 
 
 def _alone(name: str, seen: Observations, model: str, *, warp: bool) -> Solved:
@@ -462,21 +459,20 @@ def _assessed(
     solution: RigSolution,
     alone: Sequence[Solved],
     evidence: RigEvidence,
-    limits: Limits,
-    rig_limits: RigLimits,
+    policy: Policy,
 ) -> RigResult:
     adjusted, lens = solution.adjusted, solution.lens
     halves = split_half(adjusted, of=slice(lens.place_of(1).start, len(lens.parameters)))
     own = [split_half(adjusted, of=lens.lens_of(camera)) for camera in range(len(alone))]
     eyes = [solution.eye(camera, one.solution) for camera, one in enumerate(alone)]
     inflation = max(1.0, halves.kappa2) if halves is not None else 1.0
-    C = _covariance(solution, [eye.adjusted for eye in eyes], own, halves, limits)
+    C = _covariance(solution, [eye.adjusted for eye in eyes], own, halves)
     excess, p = _rigidity(solution)
     noise = float(np.sqrt(np.nanmax(np.nanmean(solution.alone**2, axis=0)) / 2))
     evidence = replace(evidence, excess_px=excess, noise_px=noise, rigid_p=p)
-    if is_loose(evidence, rig_limits):
+    if is_loose(evidence):
         # Lenses fitted to a common pose that does not exist are worse than those of each camera alone.
-        results = {name: assess(one, limits) for name, one in zip(lens.names, alone, strict=True)}
+        results = {name: assess(one, policy=policy) for name, one in zip(lens.names, alone, strict=True)}
     else:
         results = {
             name: assess(
@@ -492,7 +488,7 @@ def _assessed(
                         halves=half,
                     ),
                 ),
-                limits,
+                policy=policy,
             )
             for name, model, at, one, eye, half in zip(
                 lens.names, lens.models, map(lens.lens_of, range(len(alone))), alone, eyes, own, strict=True
@@ -517,7 +513,7 @@ def _assessed(
         shots=int(((solution.rows >= 0).sum(axis=1) >= 2).sum()),
     )
     poses = {name: _pose(solution, C * inflation, camera) for camera, name in enumerate(lens.names) if camera}
-    return _judged(results, poses, evidence, rig_limits, _shots(solution), observations)
+    return _judged(results, poses, evidence, _shots(solution), observations)
 
 
 def _as_turned(one: Solved, usable: Observations) -> Observations:
@@ -536,14 +532,13 @@ def _covariance(
     eyes: Sequence[Adjusted],
     own: Sequence[SplitHalf | None],
     halves: SplitHalf | None,
-    limits: Limits,
 ) -> FloatArray:
     """Return the (n, n) covariance of lenses and poses, including the effect of models that were not used."""
     adjusted, lens = solution.adjusted, solution.lens
     is_lifted = solution.is_lifted and solution.shape is not None
     C = solution.shape.covariance if is_lifted and solution.shape else parameter_covariance(adjusted)
     factors = [max(1.0, half.kappa2) if half is not None else 1.0 for half in (*own, halves)]
-    contradicted = factors[-1] > limits.kappa2_wanted
+    contradicted = factors[-1] > LIMITS.kappa2_wanted
     shifts = []
     if solution.flat_shape is not None and (contradicted or not is_lifted):
         shifts.append(solution.flat_shape.shift)
@@ -608,16 +603,15 @@ def _judged(
     results: Mapping[str, CalibrationResult],
     poses: Mapping[str, RigPose],
     evidence: RigEvidence,
-    limits: RigLimits,
     shots: tuple[ShotResult, ...],
     observations: RigObservations,
 ) -> RigResult:
     return RigResult(
         cameras=results,
         poses=poses,
-        findings=judge_rig(evidence, limits),
+        findings=judge_rig(evidence),
         evidence=evidence,
-        limits=limits,
+        limits=RIG_LIMITS,
         shots=shots,
         observations=observations,
     )

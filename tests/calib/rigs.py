@@ -16,7 +16,7 @@ from calibrary.calib.rig.observations import RigObservations
 from calibrary.calib.synthesis import Pose, poses
 from calibrary.calib.synthesis.cameras import example_camera
 from calibrary.calibration import Calibration
-from calibrary.jobs.calibrate_rig.run import RigDetections, corner_files
+from calibrary.jobs.calibrate.rig import RigDetections, corner_files
 from calibrary.records import replace
 from calibrary.rig import RigPose
 from calibrary.rotations import rotation_matrix, rotation_vector

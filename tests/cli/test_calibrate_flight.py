@@ -15,7 +15,7 @@ import pytest
 
 from calibrary.cli.main import main
 from calibrary.errors import CalibrationError
-from calibrary.jobs.calibrate_flight import run as job
+from calibrary.jobs.calibrate import flight_images as job
 from calibrary.records import replace
 from calibrary.sfm.engine import MatchedFlight
 from calibrary.sfm.mapping import positions_of

@@ -15,7 +15,7 @@ from calibrary.calib.synthesis import Settings, poses, render
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics, Provenance
 from calibrary.cli.main import main
 from calibrary.distortion import BrownConrady
-from calibrary.jobs.calibrate_rig import calibrate_rig
+from calibrary.jobs.calibrate import calibrate_rig
 from calibrary.parsers.rigs import read_rig
 from calibrary.parsers.rigs.micasense import relatives_of
 from calibrary.records import to_json

@@ -126,7 +126,7 @@ class _Extract(Shown):
         from calibrary.cli.console import note
         from calibrary.cli.progress import Bar
 
-        wanted = {"list_images": True} if arguments.image_table is not None else {}
+        wanted: dict[str, Any] = {"list_images": True} if arguments.image_table is not None else {}
         with _lines(arguments) as lines, Bar(note(arguments), "") as bar:
             result = call(
                 extract,

@@ -155,10 +155,12 @@ def _order(flag: _Flag, titles: Mapping[str, str]) -> tuple[int, int]:
     return (0 if flag.group is None else 2), 0
 
 
-def call(job: Callable[..., T], arguments: argparse.Namespace, **given: Any) -> T:
+def call(
+    job: Callable[..., T], arguments: argparse.Namespace, always: Collection[str] = (), **given: Any
+) -> T:
     """Call a job with what the user gave; ``given`` has the parameters that the command supplies.
 
-    A parameter that the user did not give is left to the job's default.
+    A parameter that the user did not give is left to the job's default; a struct that is ``always`` passed has its own.
     """
     said = {}
     for name, hint in _hints(job, frozenset({*SUPPLIED, *given})).items():
@@ -166,6 +168,8 @@ def call(job: Callable[..., T], arguments: argparse.Namespace, **given: Any) -> 
         value = (
             _struct_value(struct, arguments) if struct is not None else _given_value(arguments, name, hint)
         )
+        if value is None and struct is not None and name in always:
+            value = struct()
         if value is not None:
             said[name] = value
     return job(**said, **given)

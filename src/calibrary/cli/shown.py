@@ -8,7 +8,7 @@ The module of a command has one ``COMMAND``. What differs is a subclass with a m
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
@@ -43,6 +43,7 @@ class Shown:
         json: whether there is ``--json``.
         table: what a row of ``--table`` is, and the function that makes the table.
         told: package of the function that describes the result, if the result's record stands in another.
+        always: structs among the job's parameters that are passed with their defaults if no flag fills them.
         switches: further flags without a value, with their help.
         kind: class of the parser.
         flags: as for :func:`~calibrary.cli.flags.add_flags`.
@@ -61,6 +62,7 @@ class Shown:
         json: bool = True,
         table: tuple[str, Callable[[Any], Table]] | None = None,
         told: str | None = None,
+        always: Collection[str] = (),
         switches: Mapping[str, str] | None = None,
         kind: type[Parser] = Parser,
         **flags: Any,
@@ -70,7 +72,7 @@ class Shown:
         self._by_hand, self._said, self._doing = run, said, doing
         self._exits, self._told = exits or {}, told
         self._json, self._table, self._switches = json, table, switches or {}
-        self._kind, self._flags = kind, flags
+        self._kind, self._flags, self._always = kind, flags, always
 
     def parser(self, prog: str) -> argparse.ArgumentParser:
         """Make the parser of the command."""
@@ -113,12 +115,12 @@ class Shown:
         """Call the job, with a progress bar if it takes time; returns its result."""
         job = job or self.job
         if self._doing is None:
-            return call(job, arguments)
+            return call(job, arguments, self._always)
         from calibrary.cli.console import note
         from calibrary.cli.progress import Bar
 
         with Bar(note(arguments), self._doing) as bar:
-            return call(job, arguments, progress=bar)
+            return call(job, arguments, self._always, progress=bar)
 
     def print_document(self, done: Any, arguments: argparse.Namespace) -> None:  # noqa: ARG002  for subclasses
         """Print the result as JSON."""

@@ -19,6 +19,7 @@ from calibrary.calib.verdict import FOCAL, LIMITS, Subject
 from calibrary.calib.verdict_rules import size_share
 from calibrary.calibration import CameraKey, Grade
 from calibrary.errors import CalibrationError
+from calibrary.policy import FLEET, Policy
 from calibrary.records import replace
 from calibrary.sfm.adjust import Adjustment
 from calibrary.sfm.advice import helps
@@ -59,6 +60,7 @@ def flight_result(
     versions: Mapping[str, str] | None = None,
     claim: Claim | None = None,
     left_out: int = 0,
+    policy: Policy = FLEET,
 ) -> CalibrationResult:
     """Assess the camera as one from a board, with the points of the reconstruction in place of the board.
 
@@ -71,6 +73,7 @@ def flight_result(
         versions: versions of the programs used.
         claim: the stated camera, to compare with what the images show; None if nothing is stated.
         left_out: number of images of the flight that were not chosen.
+        policy: limits of σ for each use.
 
     Raises:
         CalibrationError: the images do not determine a camera.
@@ -123,7 +126,7 @@ def flight_result(
         # Images of a flight share what bends them all, the shutter and the air, and no board was held still for them.
         kappa2_fixed=LIMITS.kappa2_wanted,
     )
-    result = assess(solved, limits)
+    result = assess(solved, limits, policy)
     tag = f"{len(images)} images, {len(observations.board.points)} points"
     made = replace(result.calibration.provenance, kind=FLIGHT, source=None, tag=tag)
     return replace(

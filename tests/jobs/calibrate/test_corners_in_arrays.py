@@ -13,7 +13,7 @@ import calibrary
 from calibrary.calib.board import Board
 from calibrary.calib.corners_file import encode_corners, read_corners
 from calibrary.errors import InputError
-from calibrary.jobs.calibrate_rig import calibrate_rig
+from calibrary.jobs.calibrate import calibrate_rig
 from calibrary.records import replace
 from tests.calib.solving import BOARD, SIZE, camera, shoot
 

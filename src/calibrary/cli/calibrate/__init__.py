@@ -72,7 +72,7 @@ COMMAND = Kept(
     made=lambda report: [report.entry],
     positional={"frames": "FRAMES"},
     spelled={"corners": "--from", "keep_corners": "--corners"},
-    without=("tool",),
+    without=("tool", "flight"),
     groups={
         "the board": ("board", "square_mm", "marker_mm"),
         "in place of frames": ("corners", "points", "pixel_origin"),

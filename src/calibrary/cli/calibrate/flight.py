@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from calibrary.cli.calibrate.keeping import Kept
-from calibrary.jobs.calibrate_flight import calibrate_flight
+from calibrary.jobs.calibrate import calibrate
 
 DESCRIPTION = """\
 Compute a camera's K and distortion from the images of a flight, and report how far to trust them.
@@ -33,25 +33,37 @@ examples:
   calibrary calibrate flight flight/ --points gcp_list.txt --points-std-m 0.02 --html flight.html
   calibrary calibrate flight --from odm_project --make DJI --model FC6310R --html flight.html
 
-exit codes: 0 FIXED; 1 START or NONE, images that do not fit together, or the registry's check objects; 3 \
-unreadable input
+exit codes: 0 good for --use (default: fixed); 1 not, images that do not fit together, or the registry's check
+  objects; 3 unreadable input
 """
-
+OF_A_BOARD = (
+    "board",
+    "square_mm",
+    "marker_mm",
+    "skip_other_sizes",
+    "corners",
+    "pixel_origin",
+    "flat",
+    "keep_corners",
+    "workers",
+)
 
 COMMAND = Kept(
-    calibrate_flight,
+    calibrate,
     DESCRIPTION,
     EXAMPLES,
     doing="flight:",
     made=lambda report: [report.entry],
-    positional={"images": "DIR"},
-    spelled={"most": "--images", "result_of": "--from", "camera_number": "--camera"},
-    exclusive=(("start", "from_registry"),),
-    without=("tool",),
+    always=("flight",),
+    positional={"frames": "DIR"},
+    spelled={"most": "--images", "result_of": "--from", "camera_number": "--camera", "seed_k": "--start"},
+    exclusive=(("seed_k", "from_registry"),),
+    without=("tool", *OF_A_BOARD),
     groups={
         "a finished reconstruction": ("result_of", "camera_number"),
-        "where the search begins": ("start", "from_registry"),
+        "where the search begins": ("seed_k", "from_registry"),
         "how to solve": ("lens_model", "max_side_px", "focus"),
+        "ground control": ("points", "points_std_m", "mark_std_px", "same_datum_m"),
         "what is written": ("html", "out", "to"),
         "the registry": ("registry", "as_"),
     },

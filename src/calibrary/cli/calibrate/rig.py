@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from calibrary.cli.calibrate.keeping import Kept
-from calibrary.jobs.calibrate_rig import calibrate_rig
+from calibrary.jobs.calibrate import calibrate_rig
 
 DESCRIPTION = """\
 Compute K and distortion of every camera of a rig and their poses relative to one another, in one adjustment.
@@ -21,7 +21,7 @@ examples:
   calibrary calibrate --rig left/ right/ --square-mm 40 --compare extrinsics.yml --corners corners/
   calibrary calibrate --rig --from corners/rig.json --registry ../fleet --rig-name mapper-2
 
-exit codes: 0 FIXED; 1 START or NONE, no board, or an error of the registry's check; 3 unreadable input
+exit codes: 0 good for --use (default: fixed); 1 not, no board, or an error of the registry's check; 3 unreadable input
 """
 
 

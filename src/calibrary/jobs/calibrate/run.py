@@ -16,6 +16,7 @@ from calibrary.calib.detection import Detections, detect_all
 from calibrary.calib.estimation import estimate
 from calibrary.calib.observations import Days
 from calibrary.calib.result import CalibrationResult
+from calibrary.calib.start import seed
 from calibrary.calibration import CameraKey, ImageSize, Intrinsics, Origin
 from calibrary.catalogue import overlay
 from calibrary.errors import (
@@ -197,30 +198,45 @@ def detections_from_points(path: Path, told: Told, origin: Origin) -> Detections
     return Detections(observations=read_control_points(path, told.image_size, camera, origin, told.focus))
 
 
-def read_seed(path: Path, image_size: ImageSize) -> Intrinsics:
-    """Read the initial K: the self-calibration seed of an extraction, or a calibration of any format.
+def starting_k(start: str | float | Path, size: ImageSize) -> Intrinsics:
+    """Return the initial K from a number or a file.
 
     Args:
-        path: the file.
-        image_size: (width, height) px of the frames; a K of the same sensor crop at another size is scaled to
-            it.
+        start: focal length in px; or the file of a calibration of any format, or of the seed of an extraction.
+        size: (width, height) px of the images; a K of the same sensor crop at another size is scaled to it.
 
     Raises:
-        InputError: the file cannot be read, has several cameras, or its camera has another sensor crop.
+        InputError: there is no such K, the file has several cameras, or its camera has another sensor crop.
     """
+    try:
+        focal = float(str(start))
+    except ValueError:
+        pass
+    else:
+        if not 0.1 * max(size) < focal < 30 * max(size):
+            raise InputError(f"{focal:g} px is not a focal length of images of {size[0]}×{size[1]} px")
+        return replace(seed(size), fx=focal, fy=focal)
+    path = Path(str(start))
     try:
         found = parsers.read(path)
     except MissingTagError:
         # A bare matrix does not state its image size.
-        found = parsers.read(path, image_size=image_size)
+        found = parsers.read(path, image_size=size)
     if len(found) != 1:
         raise InputError(f"has {len(found)} cameras, expected one to start from", source=path.name)
+    return scaled_start(found[0].intrinsics, size, path.name)
+
+
+def scaled_start(K: Intrinsics, size: ImageSize, source: str) -> Intrinsics:
+    """Return an initial K at the size of the images.
+
+    Raises:
+        InputError: it is of another sensor crop.
+    """
     try:
-        return found[0].intrinsics.scaled(image_size)
+        return K.scaled(size)
     except FrameError as error:
-        raise InputError(
-            f"not a K to start from for these frames: {error.message}", source=path.name
-        ) from None
+        raise InputError(f"not a K to start from for these images: {error.message}", source=source) from None
 
 
 def solved(

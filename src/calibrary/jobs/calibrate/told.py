@@ -1,6 +1,7 @@
 """What a calibration shows: what K is good for and why, its numbers with their uncertainty, and the views.
 
-The plots need what was detected in the images, which the record does not hold; without it there are none.
+Of a rig it shows K of every camera, and every pose. The plots need what was detected in the images, which the record
+does not hold; without it there are none.
 """
 
 from __future__ import annotations
@@ -19,11 +20,15 @@ from calibrary.jobs.calibrate.page_plots import (
     flight_plots,
     frame_plots,
     lens_plots,
+    rig_picture,
+    shot_errors,
     trust_plots,
 )
 from calibrary.jobs.calibrate.report import CalibrateReport
+from calibrary.jobs.calibrate.rig_report import CameraReport, PoseDifference, RigReport
 from calibrary.pages.plots import correlations as correlation_plot
 from calibrary.pages.wording import SEVERITIES, count, rounded
+from calibrary.parsers.rigs.micasense import relatives_of
 from calibrary.probability import two_digits, whole_percent
 from calibrary.provenance import facts, label
 from calibrary.validation import Finding, Severity, Use
@@ -77,35 +82,40 @@ PARAMETERS: Final = (
 
 
 def told(
-    report: CalibrateReport,
+    report: CalibrateReport | RigReport,
     detections: Detections | None = None,
     *,
     correlations: bool = False,
     files: tuple[str, ...] = (),
 ) -> View:
-    """Describe a calibration, refused or not.
+    """Describe a calibration of a camera or of a rig, refused or not.
 
     Args:
         report: the result.
-        detections: what was found in the images, for the plots.
+        detections: what was found in the images of one camera, for the plots.
         correlations: whether to list the correlations of the parameters.
         files: what was written, in sentences.
     """
-    refused_flight = report.flown is not None and report.verdict is Use.NONE
+    lead, own = LEADS[report.verdict], tuple[tuple[str, str], ...]()
+    if isinstance(report, RigReport):
+        first, title = report.cameras[0].result, f"Rig of {len(report.cameras)} cameras"
+        counted = f"{len(report.cameras)} cameras, {len(report.shots)} shots of {first.target} that two or more share, "
+        counted += f"paired {report.pairing}"
+        sections = _of_rig(report)
+    else:
+        first, title, counted = report, f"Calibration of {report.calibration.camera}", _counted(report)
+        if report.flown is not None and report.verdict is Use.NONE:
+            lead = FLIGHT_REFUSED
+        own = facts(report.calibration.provenance, traced=False)
+        sections = _of_camera(report, detections, correlations=correlations)
     return View(
-        title=f"Calibration of {report.calibration.camera}",
+        title=title,
         badge=OUTCOMES[report.verdict],
-        lead=f"{report.verdict.value.upper()}: {_counted(report)}; "
-        f"{FLIGHT_REFUSED if refused_flight else LEADS[report.verdict]}",
-        facts=facts(report.calibration.provenance, traced=False),
-        sections=tuple(_sections(report, detections, correlations=correlations, files=files)),
-        made_by=made_with(report),
+        lead=f"{report.verdict.value.upper()}: {counted}; {lead}",
+        facts=own,
+        sections=(*sections, *((Section(title="Written", blocks=files),) if files else ())),
+        made_by=f"Made by {', '.join(f'{name} {version}' for name, version in first.versions.items())}.",
     )
-
-
-def made_with(report: CalibrateReport) -> str:
-    """Footer of the page: the programs."""
-    return f"Made by {', '.join(f'{name} {version}' for name, version in report.versions.items())}."
 
 
 def _counted(report: CalibrateReport) -> str:
@@ -115,8 +125,8 @@ def _counted(report: CalibrateReport) -> str:
     return f"{used} of {every} {report.shots} of {report.target}, reprojection error (RMS) {rms}"
 
 
-def _sections(
-    report: CalibrateReport, detections: Detections | None, *, correlations: bool, files: tuple[str, ...]
+def _of_camera(
+    report: CalibrateReport, detections: Detections | None, *, correlations: bool
 ) -> Iterator[Section]:
     uses = Table.of("What it is good for", report.uses.shown(report.asked.use), USES)
     verdict = (uses, *findings_blocks(report.findings, report.notes))
@@ -138,8 +148,6 @@ def _sections(
         yield Section(title="Corners on frames", anchor="frames", blocks=(SideBySide(frames),), printed=False)
     origin = tuple(_origin(report, detections))
     yield Section(title="Made from", anchor="made-from", blocks=origin, printed=False)
-    if files:
-        yield Section(title="Written", blocks=files)
 
 
 def findings_blocks(findings: Sequence[Finding], notes: Sequence[str]) -> Iterator[Block]:
@@ -457,3 +465,194 @@ def _origin(report: CalibrateReport, detections: Detections | None) -> Iterator[
             rows=tuple((view.name, view.sha256 or "") for view in files),
         )
         yield Details(summary=f"Hashes of the {image}s", blocks=(table,))
+
+
+def _of_rig(report: RigReport) -> Iterator[Section]:
+    verdict = (_rig_lenses(report), *findings_blocks(report.findings, report.notes))
+    yield Section(title="Verdict", anchor="verdict", blocks=verdict)
+    if report.poses:
+        poses: list[Block] = [Plots(lambda: [rig_picture(report)]), _poses(report), _predicted(report)]
+        poses += [KeyValues(tuple(_rig_measured(report))), _relatives(report)]
+        poses += [*_compared("what the frames' metadata state", report.stated)]
+        poses += [*_compared("the file that was given", report.compared)]
+        yield Section(title="Relative poses", anchor="poses", blocks=tuple(poses))
+    if report.shots:
+        shots = (Plots(lambda: [shot_errors(report)]), _shots(report))
+        yield Section(title="How the shots fit", anchor="shots", blocks=shots, printed=False)
+    yield Section(title="Made from", anchor="made-from", blocks=tuple(_rig_origin(report)), printed=False)
+
+
+def _rig_measured(report: RigReport) -> Iterator[tuple[str, Cell]]:
+    if report.kappa2 is not None:
+        yield "variance factor of the poses", f"{report.kappa2:.2f} between halves of the shots"
+    if report.excess_px is not None:
+        yield "one pose for all cameras", f"adds {report.excess_px:.3f} px to the residuals"
+
+
+def _poses(report: RigReport) -> Table:
+    rows = [_pose_row(report, name) for name in report.poses]
+    return Table(
+        caption=f"x_camera = R x_{report.reference} + t. Rotation is axis × angle; σ of it is of a turn about the "
+        "camera's axes. All σ include the variance factor.",
+        columns=(
+            Column("camera"),
+            Column("rotation (°)", numeric=True),
+            Column("σ (°)", numeric=True),
+            Column("translation (mm)", numeric=True),
+            Column("σ (mm)", numeric=True),
+            Column("baseline (mm)", numeric=True),
+        ),
+        rows=tuple(rows),
+    )
+
+
+def _predicted(report: RigReport) -> Table:
+    return Table(
+        caption=f"σ of the pixel in which a camera sees what {report.reference} sees in a pixel of its own",
+        columns=(
+            Column("camera"),
+            Column("at the boards' distance (px)", numeric=True),
+            Column("far away (px)", numeric=True),
+        ),
+        rows=tuple((name, _two(near), _two(far)) for name, (near, far) in report.cross_std_px.items()),
+    )
+
+
+def _pose_row(report: RigReport, name: str) -> tuple[str, ...]:
+    pose = report.poses[name]
+    spread = f" ± {two_digits(pose.baseline_std_mm)}" if pose.baseline_std_mm is not None else ""
+    return (
+        name,
+        _triple(pose.rotation_deg, 4),
+        _triple(pose.rotation_std_deg, 4),
+        _triple(pose.translation_mm, 3),
+        _triple(pose.translation_std_mm, 3),
+        f"{pose.baseline_mm:.3f}{spread}",
+    )
+
+
+def _relatives(report: RigReport) -> Details:
+    """The poses in the conventions of other programs."""
+    rows = [
+        (name, _triple(relatives_of(pose.rotation.T), 4), _triple(tuple(pose.centre_mm.tolist()), 3))
+        for name, pose in report.poses.items()
+    ]
+    table = Table(
+        caption="RigRelatives: Rx·Ry·Rz turns the camera's frame into the reference's, as MicaSense writes it",
+        columns=(
+            Column("camera"),
+            Column("RigRelatives (°)", numeric=True),
+            Column("projection centre before the reference (mm)", numeric=True),
+        ),
+        rows=tuple(rows),
+    )
+    return Details(summary="As MicaSense counts", blocks=(table,))
+
+
+def _compared(source: str, found: tuple[PoseDifference, ...]) -> Iterator[Block]:
+    if found:
+        yield Table(
+            caption=f"Beside {source}",
+            columns=(
+                Column("camera"),
+                Column("turned by (°)", numeric=True),
+                Column("translation differs by (mm)", numeric=True),
+            ),
+            rows=tuple(
+                (
+                    one.camera,
+                    f"{one.rotation_deg:.4f}",
+                    "not stated" if one.translation_mm is None else f"{one.translation_mm:.2f}",
+                )
+                for one in found
+            ),
+        )
+
+
+def _rig_lenses(report: RigReport) -> Table:
+    return Table.of(
+        "K of each camera in px from the outer corner of its top-left pixel, with σ × κ",
+        report.cameras,
+        LENSES,
+    )
+
+
+def _number_of(key: str, camera: CameraReport) -> str:
+    K, quality = camera.result.calibration.intrinsics, camera.result.calibration.quality or Quality()
+    sigma = f" ± {two_digits(quality.std[key] * math.sqrt(quality.inflation))}" if key in quality.std else ""
+    return f"{getattr(K, key):.2f}{sigma}"
+
+
+def _reasons(camera: CameraReport) -> str:
+    return "; ".join(one.rule for one in camera.result.findings if one.severity is not Severity.NOTE)
+
+
+LENSES: Final = (
+    Column("camera", lambda one: one.name),
+    Column("verdict", lambda one: OUTCOMES[one.result.verdict]),
+    *(Column(key, partial(_number_of, key), numeric=True) for key in ("fx", "fy", "cx", "cy")),
+    Column("lens model", lambda one: one.result.model.value, rank=3),
+    Column(
+        "RMS (px)",
+        lambda one: f"{(one.result.calibration.quality or Quality()).rms_px or math.nan:.3f}",
+        numeric=True,
+        rank=1,
+    ),
+    Column(
+        "views", lambda one: str((one.result.calibration.quality or Quality()).views), numeric=True, rank=2
+    ),
+    Column("findings", _reasons, below=""),
+)
+
+
+def _shots(report: RigReport) -> Details:
+    rows: list[tuple[str | Badge, ...]] = []
+    for shot in report.shots[:MOST_ROWS]:
+        told = ", ".join(f"{name} {rms:.3f} ({shot.alone_px[name]:.3f})" for name, rms in shot.rms_px.items())
+        state = (
+            Badge(f"{', '.join(shot.apart)} apart", Tone.CAUTION)
+            if shot.apart
+            else Badge("counts", Tone.GOOD)
+        )
+        rows.append((shot.name, state, told))
+    table = Table(
+        caption="Reprojection error (RMS, px) with one pose for all cameras, and in brackets with a pose of its own",
+        columns=(Column("shot"), Column("state"), Column("cameras")),
+        rows=tuple(rows),
+    )
+    return Details(summary=f"{len(report.shots)} shots", blocks=(table,))
+
+
+def _rig_origin(report: RigReport) -> Iterator[Block]:
+    items = [("frames were paired", report.pairing)]
+    items += [
+        (
+            f"{one.name} ({one.result.calibration.camera})",
+            f"{len(one.result.views)} views of the board"
+            + "".join(
+                f", {said} {text}" for said, text in facts(one.result.calibration.provenance, traced=False)
+            ),
+        )
+        for one in report.cameras
+    ]
+    yield KeyValues(tuple(items))
+    rejected = [
+        (one.name, remark.name, remark.message) for one in report.cameras for remark in one.result.skipped
+    ]
+    if rejected:
+        table = Table(
+            caption="Frames without a usable view of the board",
+            columns=(Column("camera"), Column("frame"), Column("reason")),
+            rows=tuple(rejected[:MOST_ROWS]),
+        )
+        yield Details(summary=f"{len(rejected)} frames not used", blocks=(table,))
+
+
+def _triple(values: tuple[float, ...] | None, decimals: int) -> str:
+    if values is None:
+        return "–"
+    return "  ".join(f"{value:.{decimals}f}".replace("-", "−") for value in values)
+
+
+def _two(value: float | None) -> str:
+    return "–" if value is None or not math.isfinite(value) else two_digits(value)

@@ -22,10 +22,10 @@ from calibrary.calibration import Calibration, CameraKey
 from calibrary.catalogue import overlay
 from calibrary.errors import CalibraryError, CalibrationError, InputError, RegistryError, UsageError, first_of
 from calibrary.extras import SFM
+from calibrary.jobs.calibrate.flight_images import FlightOptions, solve_images
 from calibrary.jobs.calibrate.frames import Told, describe_frames
 from calibrary.jobs.calibrate.report import Asked
 from calibrary.jobs.calibrate.run import observe, solved
-from calibrary.jobs.calibrate_flight.run import FlightOptions, solve_images
 from calibrary.jobs.fleet.changes import weighed
 from calibrary.jobs.onboard.estimates import (
     Serves,

@@ -242,7 +242,7 @@ def solved_rig(
         CalibrationError: the corners do not determine a camera.
     """
     with stage(f"solved {len(detections.cameras)} cameras with lens model {asked.model}"):
-        result = estimate_rig(detections.observations, asked.model, warp=asked.warp)
+        result = estimate_rig(detections.observations, asked.model, warp=asked.warp, policy=told.policy)
     cameras = {
         name: dated(one, told.stated, f"{corners_from.name}: {name}" if corners_from is not None else None)
         for name, one in result.cameras.items()

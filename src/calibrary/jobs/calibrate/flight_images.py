@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -19,7 +18,7 @@ from calibrary.calib.observations import ControlPoints, Observations, View
 from calibrary.calib.result import CalibrationResult
 from calibrary.calib.start import seed
 from calibrary.calibration import ImageSize, Intrinsics
-from calibrary.errors import FrameError, InputError, UsageError
+from calibrary.errors import InputError
 from calibrary.extras import programs
 from calibrary.jobs.calibrate.frames import (
     FrameMetadata,
@@ -29,15 +28,12 @@ from calibrary.jobs.calibrate.frames import (
     without_other_sizes,
     without_resaved,
 )
-from calibrary.jobs.calibrate.run import dated, read_seed
-from calibrary.jobs.calibrate_flight import GroundControl
+from calibrary.jobs.calibrate.run import dated
 from calibrary.jobs.extract.pixels import claim_of_image
 from calibrary.parsers.files import sha256_of
 from calibrary.parsers.imagery.taken import fix_of
 from calibrary.progress import Progress, counted, stage
 from calibrary.records import replace
-from calibrary.registry.places import one_registry
-from calibrary.registry.registry import Registry
 from calibrary.sfm.adjust import Adjustment, adjust
 from calibrary.sfm.alterations import Claim
 from calibrary.sfm.assessment import flight_result
@@ -46,7 +42,7 @@ from calibrary.sfm.engine import MAX_SIDE, FlightImage, match
 from calibrary.sfm.image_selection import LocatedImage, Selection, select_images
 from calibrary.sfm.mapping import reconstruct
 from calibrary.sfm.nuisances import readout_of
-from calibrary.sfm.survey import Survey, read_survey
+from calibrary.sfm.survey import Survey
 from calibrary.sfm.tracks import FEWEST_IMAGES, thinned
 
 MOST_POINTS: Final = 6000
@@ -69,59 +65,6 @@ class FlightOptions(Struct, frozen=True, kw_only=True):
     start: Intrinsics | None = None
     max_side: int = MAX_SIDE
     survey: Survey | None = None
-
-
-def read_control(control: GroundControl) -> Survey:
-    """Read surveyed points and their image measurements.
-
-    Raises:
-        InputError: the file cannot be read, or contains no points and image measurements.
-        MissingExtraError: the coordinates are in a map projection, and pyproj is not installed.
-    """
-    return replace(
-        read_survey(Path(control.points or "")),
-        std_m=control.points_std_m,
-        mark_px=control.mark_std_px,
-        offset_std_m=control.same_datum_m if control.same_datum_m is not None else math.inf,
-    )
-
-
-def starting_k(
-    start: str | float | Path | None, key: str | None, registry: str | Path | None, size: ImageSize | None
-) -> Intrinsics | None:
-    """Return the initial K from a number, a file or an entry; None if none is given.
-
-    Args:
-        start: focal length in px, or a calibration file.
-        key: of an entry, in place of ``start``.
-        registry: of the entry.
-        size: (width, height) px of the images; None if the first cannot be read.
-
-    Raises:
-        InputError: there is no such K, or it is not of such images.
-        RegistryError: there is no such entry.
-    """
-    if start is None and key is None:
-        return None
-    if start is not None and key is not None:
-        raise UsageError("--start and --from-registry are two ways to begin; give one")
-    if size is None:
-        raise InputError("the first image cannot be read, so nothing says for which size K is")
-    if key is not None:
-        entry = Registry.open(one_registry(registry)).get(key).entry
-        try:
-            return entry.calibration.intrinsics.scaled(size)
-        except FrameError as error:
-            raise InputError(f"not a K to start from for these images: {error.message}", source=key) from None
-    try:
-        focal = float(str(start))
-    except ValueError:
-        return read_seed(Path(str(start)), size)
-    if not 0.1 * max(size) < focal < 30 * max(size):
-        raise InputError(
-            f"{focal:g} px is not a focal length of images of {size[0]}×{size[1]} px", place="--start"
-        )
-    return replace(seed(size), fx=focal, fy=focal)
 
 
 class SolvedFlight(Struct, frozen=True, kw_only=True, eq=False):
@@ -167,6 +110,7 @@ class SolvedFlight(Struct, frozen=True, kw_only=True, eq=False):
             versions=self.versions,
             claim=self.claim,
             left_out=self.left_out,
+            policy=told.policy,
         )
         result = dated(self.finish(result), told.stated)
         if self.survey is not None:

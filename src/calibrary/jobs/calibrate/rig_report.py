@@ -9,11 +9,12 @@ import numpy as np
 
 from calibrary.calib.rig.estimation import RigResult, ShotResult
 from calibrary.calib.rig.verdict import RigLimits
+from calibrary.calib.verdict import AskedUse
 from calibrary.calibration import Calibration
 from calibrary.errors import CalibrationError, InputError
 from calibrary.jobs.calibrate.outputs import Encode
 from calibrary.jobs.calibrate.report import Asked, CalibrateReport, report_of
-from calibrary.jobs.calibrate_rig.run import RigDetections
+from calibrary.jobs.calibrate.rig import RigDetections
 from calibrary.parsers.rigs import encode_rig, format_of_name
 from calibrary.records import Record, replace
 from calibrary.registry.entry import Entry
@@ -90,8 +91,10 @@ class RigReport(Record, tag_field="schema", tag="rig-calibration-result-2"):
 
     @property
     def is_good(self) -> bool:
-        """Whether the verdict is pass."""
-        return self.verdict is Use.FIXED
+        """Whether the rig, and K of every camera, holds for the use that was asked for."""
+        is_start = self.cameras[0].result.asked.use is AskedUse.START
+        holds = self.verdict is not Use.NONE if is_start else self.verdict is Use.FIXED
+        return holds and all(one.result.is_good for one in self.cameras)
 
     @property
     def calibrations(self) -> dict[str, Calibration]:

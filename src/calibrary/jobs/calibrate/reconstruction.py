@@ -14,8 +14,8 @@ from calibrary.calib.verdict_rules import graver_first
 from calibrary.calibration import Calibration
 from calibrary.errors import InputError
 from calibrary.extras import programs
+from calibrary.jobs.calibrate.flight_images import MOST_POINTS, FlightOptions, SolvedFlight, described
 from calibrary.jobs.calibrate.frames import FrameMetadata, Told, describe_frames, without_resaved
-from calibrary.jobs.calibrate_flight.run import MOST_POINTS, FlightOptions, SolvedFlight, described
 from calibrary.jobs.files import choose
 from calibrary.parsers.imagery.taken import Fix, fix_of
 from calibrary.progress import stage
