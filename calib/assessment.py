@@ -33,17 +33,20 @@ from calibrary.calib.projection_difference import (
 from calibrary.calib.rejection import in_px, residual_lengths, view_rms
 from calibrary.calib.residual_field import Field, residual_field
 from calibrary.calib.result import (
+    LENGTH_UNITS,
     CalibrationResult,
     Dismissal,
     DismissalReason,
     RejectedCorner,
     ViewResult,
+    Warp,
+    finite,
     numbers,
     rows,
 )
 from calibrary.calib.solve import Solution
 from calibrary.calib.variance_factor import SplitHalf, split_half
-from calibrary.calib.verdict import BOARD, LIMITS, Departure, Evidence, Limits, Subject
+from calibrary.calib.verdict import BOARD, LIMITS, Departure, Evidence, Limits, Subject, uses_of
 from calibrary.calib.verdict_rules import graver_first, judge
 from calibrary.calibration import (
     Calibration,
@@ -182,27 +185,38 @@ def assess(
         longer=stretched[0] if stretched is not None else None,
     )
     findings = graver_first((*judge(judged, limits, policy), *solved.further))
-    refused = Use.of(findings) is Use.NONE
+    verdict, differ = Use.of(findings), _between_halves(calibration, adjusted.state.model, halves)
+    # A refused calibration is usable only as a start value.
+    grade = Grade.SEED if verdict is Use.NONE else solved.subject.grade
+    board = observations.board
     return CalibrationResult(
-        # A refused calibration is usable only as a start value.
-        calibration=replace(
-            calibration,
-            notes=tuple(notes_of(findings)),
-            grade=Grade.SEED if refused else solved.subject.grade,
-        ),
+        verdict=verdict,
+        uses=uses_of(judged, findings, policy),
         findings=findings,
-        evidence=judged,
-        limits=limits,
-        policy=policy,
+        calibration=replace(calibration, notes=tuple(notes_of(findings)), grade=grade),
+        target=str(board),
+        board=board if isinstance(board, Board) else None,
         model=adjusted.state.model,
         candidates=solution.candidates,
-        warp=tested,
+        warp=Warp(lift=tested.warp_mm, f=finite(tested.f), p=tested.p, kept=judged.is_warped)
+        if tested
+        else None,
         views=views,
-        halves=halves,
-        half_difference=_between_halves(calibration, adjusted.state.model, halves),
+        geometry=shown,
+        length_unit=LENGTH_UNITS.get(judged.unit, "squares"),
+        noise_px=noise,
+        condition=finite(judged.condition),
+        kappa2_by_split=halves.by_split if halves is not None else (),
+        stretch=judged.stretch,
+        misfit=faults,
+        uncertainty_px=rows(uncertainty.std_px) if uncertainty is not None else None,
+        half_difference_px=tuple(map(rows, differ.vectors)) if differ is not None else None,
+        limits=limits,
+        versions=versions,
+        evidence=judged,
         uncertainty=uncertainty,
         observations=observations,
-        versions=versions,
+        policy=policy,
     )
 
 

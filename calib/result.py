@@ -5,18 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from enum import StrEnum
-from typing import Annotated, Final, TypeAlias
+from typing import Annotated, Any, Final, Literal, TypeAlias
 
 import numpy as np
-from msgspec import Struct
 
 from calibrary.arrays import FloatArray
+from calibrary.calib.board import Board
+from calibrary.calib.board_shape import Stretch
+from calibrary.calib.geometry import Geometry
 from calibrary.calib.lens_models import Solvable
-from calibrary.calib.model_choice import Candidate, WarpTest
+from calibrary.calib.misfit import Misfit
+from calibrary.calib.model_choice import Candidate
 from calibrary.calib.observations import Observations
-from calibrary.calib.projection_difference import ProjectionDifference, Uncertainty
-from calibrary.calib.variance_factor import SplitHalf
-from calibrary.calib.verdict import Evidence, Limits, Uses, uses_of
+from calibrary.calib.projection_difference import Uncertainty
+from calibrary.calib.verdict import Evidence, Limits, Uses
 from calibrary.calibration import Calibration, SourceFile
 from calibrary.policy import FLEET, Policy
 from calibrary.probability import two_digits
@@ -233,49 +235,90 @@ class Flown(Record):
     nuisances: tuple[FlightNuisance, ...] = ()
 
 
-class CalibrationResult(Struct, frozen=True, kw_only=True, eq=False):
-    """A calibration with its findings and evidence.
+class Warp(Record):
+    """F test for board warp.
 
     Attributes:
-        calibration: K and distortion, quality with covariance and variance factor, and provenance.
-        findings: problems, most severe first.
-        evidence: measurements that the verdict is based on.
-        limits: limits of the verdict.
-        policy: limits of σ for each use.
-        model: lens model, chosen or given.
-        candidates: lens models that were compared.
-        warp: test for a board warp; None if there was none.
-        views: all input views, in input order.
-        halves: comparison of halves of the views; None if there were too few.
-        half_difference: the same in pixels, for the median split.
-        uncertainty: standard deviation of a direction in px over the image, with the variance factor.
-        observations: input of the calibration.
-        versions: versions of the programs.
-        date_origin: source of the calibration's date, in words; None before a date is set.
-        flown: results of a flight; None for a board or control points.
+        lift: height of the board's centre above its plane, along x and along y.
+        f: the F statistic; None if it overflows a double.
+        p: probability of such an F without a warp.
+        kept: whether the warp is part of the solution.
     """
 
-    calibration: Calibration
+    lift: tuple[float, float]
+    f: float | None
+    p: float
+    kept: bool
+
+
+LENGTH_UNITS: Final[Mapping[str, Literal["mm", "units"]]] = {"mm": "mm", "units": "units"}
+LEFT_OUT: Final[Any] = None
+"""Default of what only this process knows."""
+
+
+class CalibrationResult(Record):
+    """A calibration with its verdict and the evidence for it.
+
+    Attributes:
+        verdict: what a solver may do with K; the most severe finding decides.
+        uses: what K is good for, with the numbers that decide.
+        findings: problems, most severe first, each with its remedy.
+        calibration: K and distortion with their quality, and a provenance with date and source images.
+        target: the board or the points that the images show, in words.
+        board: the board; None for points.
+        model: the lens model, chosen or given.
+        candidates: the lens models that were compared.
+        warp: test for board warp; None if it was not tested.
+        views: all views that were given.
+        geometry: poses of the board.
+        length_unit: unit of lift, translation and distance: mm; squares if the side of a square is unknown; an
+            arbitrary unit for a flight with images that state no positions.
+        noise_px: standard deviation of one coordinate, estimated from neighbouring corners.
+        condition: condition number of the lens's normal matrix.
+        kappa2_by_split: variance factor of each split of the views into halves.
+        stretch: of the printed board.
+        misfit: known fault that explains residuals that the camera model does not.
+        uncertainty_px: of a direction, over the image.
+        half_difference_px: difference between halves of the views, over the image.
+        limits: the limits used for the verdict.
+        versions: of the programs.
+        date_origin: source of provenance.date, in words; None before a date is set.
+        flown: only for a calibration from a flight; ground points take the place of board corners.
+        evidence: measurements that the verdict is based on.
+        uncertainty: standard deviation of a direction in px over the image, with the variance factor.
+        observations: input of the calibration.
+        policy: limits of σ for each use.
+    """
+
+    _unwritten = frozenset({"evidence", "uncertainty", "observations", "policy"})
+
+    verdict: Use
+    uses: Uses
     findings: tuple[Finding, ...]
-    evidence: Evidence
-    limits: Limits
+    calibration: Calibration
+    target: str
+    board: Board | None
     model: Solvable
     candidates: tuple[Candidate, ...]
-    warp: WarpTest | None
+    warp: Warp | None
     views: tuple[ViewResult, ...]
-    halves: SplitHalf | None
-    half_difference: ProjectionDifference | None
-    uncertainty: Uncertainty | None
-    observations: Observations
+    geometry: Geometry
+    length_unit: Literal["mm", "squares", "units"]
+    noise_px: float | None
+    condition: float | None
+    kappa2_by_split: tuple[float, ...]
+    stretch: Stretch | None
+    misfit: Misfit | None
+    uncertainty_px: Rows | None
+    half_difference_px: tuple[Rows, ...] | None
+    limits: Limits
     versions: Mapping[str, str]
     date_origin: str | None = None
     flown: Flown | None = None
+    evidence: Evidence = LEFT_OUT
+    uncertainty: Uncertainty | None = None
+    observations: Observations = LEFT_OUT
     policy: Policy = FLEET
-
-    @property
-    def uses(self) -> Uses:
-        """What the calibration is good for."""
-        return uses_of(self.evidence, self.findings, self.policy)
 
     @property
     def shots(self) -> str:
@@ -283,9 +326,9 @@ class CalibrationResult(Struct, frozen=True, kw_only=True, eq=False):
         return "images" if self.flown is not None else "views"
 
     @property
-    def verdict(self) -> Use:
-        """Verdict, decided by the worst finding."""
-        return Use.of(self.findings)
+    def points(self) -> str:
+        """Word for what is seen in them."""
+        return "points" if self.flown is not None else "corners"
 
     @property
     def rules(self) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -19,21 +19,20 @@ from calibrary.calib.model_choice import WarpTest, f_test, with_warp
 from calibrary.calib.network import Network, State, linearise
 from calibrary.calib.observations import Observations
 from calibrary.calib.opencv_state import one_blas_thread
-from calibrary.calib.result import CalibrationResult
 from calibrary.calib.rig.causes import mispaired, moved_camera, swapped_images
 from calibrary.calib.rig.lens import Place, RigLens
 from calibrary.calib.rig.observations import RigObservations, rig_network
 from calibrary.calib.rig.start import HALF_TURN, Eye, Link, eye_of, links, turns
-from calibrary.calib.rig.verdict import RIG_LIMITS, RigEvidence, RigLimits, is_loose, judge_rig
+from calibrary.calib.rig.verdict import RigResult, ShotResult
 from calibrary.calib.solve import Solution
 from calibrary.calib.variance_factor import SplitHalf, split_half
 from calibrary.calib.verdict import LIMITS
 from calibrary.calibration import Covariance, ImageSize
 from calibrary.errors import CalibrationError, InputError
 from calibrary.policy import FLEET, Policy
-from calibrary.records import Record, replace
+from calibrary.records import replace
 from calibrary.rig import RigPose, turn_jacobian
-from calibrary.validation import Finding, Use
+from calibrary.validation import Finding
 
 ROUNDS: Final = 5
 NORMAL_MAD: Final = 1.4826
@@ -310,54 +309,6 @@ def _reweighed(current: Adjusted[RigLens]) -> Adjusted[RigLens]:
     )
 
 
-class ShotResult(Record):
-    """One shot with views of two or more cameras.
-
-    Attributes:
-        name: name of the shot.
-        rms_px: reprojection error (RMS) by camera, with one pose of the board for all cameras.
-        alone_px: the same with the best pose for each camera.
-        apart: cameras with a separate pose, because the shot contradicts the rig.
-    """
-
-    name: str
-    rms_px: Mapping[str, float]
-    alone_px: Mapping[str, float]
-    apart: tuple[str, ...]
-
-
-class RigResult(Struct, frozen=True, kw_only=True, eq=False):
-    """A rig calibration with its findings and evidence.
-
-    Attributes:
-        cameras: calibration of each camera, the reference first; if the rig was not solved, from each camera alone.
-        poses: poses relative to the reference camera, with covariance; empty if the rig was not solved.
-        findings: problems of the rig; those of a camera are in its calibration.
-        evidence: measurements that the verdict is based on.
-        limits: limits of the verdict.
-        shots: shots of two or more cameras.
-        observations: input of the calibration.
-    """
-
-    cameras: Mapping[str, CalibrationResult]
-    poses: Mapping[str, RigPose]
-    findings: tuple[Finding, ...]
-    evidence: RigEvidence
-    limits: RigLimits
-    shots: tuple[ShotResult, ...]
-    observations: RigObservations
-
-    @property
-    def verdict(self) -> Use:
-        """Verdict on the rig, decided by the worst finding."""
-        return Use.of(self.findings)
-
-    @property
-    def reference(self) -> str:
-        """Name of the reference camera, which the poses refer to."""
-        return next(iter(self.cameras))
-
-
 @one_blas_thread()
 def estimate_rig(
     observations: RigObservations,
@@ -387,8 +338,8 @@ def estimate_rig(
     seen, eyes, tied = _tied(seen, eyes)
     untied = [name for at, name in enumerate(seen.names) if at and at not in {link.camera for link in tied}]
     placed = _places(tied, len(eyes))
-    evidence = RigEvidence(
-        verdicts={},
+    measured = RigResult(
+        observations=observations,
         shared={seen.names[link.camera]: len(link.shots) for link in tied},
         untied=untied,
         mispaired=tuple(mispaired(seen, link) for link in tied if link.place is None),
@@ -396,9 +347,9 @@ def estimate_rig(
     )
     if placed is None:
         results = {name: assess(one, policy=policy) for name, one in zip(seen.names, alone, strict=True)}
-        return _judged(results, {}, replace(evidence, verdicts=_verdicts(results)), (), observations)
+        return replace(measured, cameras=results)
     solution = solve_rig(seen, eyes, placed, warp=warp)
-    return _assessed(observations, solution, alone, evidence, policy)
+    return _assessed(solution, alone, measured, policy)
 
 
 def _alone(name: str, seen: Observations, model: str, *, warp: bool) -> Solved:
@@ -455,10 +406,9 @@ def _troubles(seen: RigObservations, eyes: Sequence[Eye], tied: Sequence[Link]) 
 
 
 def _assessed(
-    observations: RigObservations,
     solution: RigSolution,
     alone: Sequence[Solved],
-    evidence: RigEvidence,
+    measured: RigResult,
     policy: Policy,
 ) -> RigResult:
     adjusted, lens = solution.adjusted, solution.lens
@@ -469,8 +419,8 @@ def _assessed(
     C = _covariance(solution, [eye.adjusted for eye in eyes], own, halves)
     excess, p = _rigidity(solution)
     noise = float(np.sqrt(np.nanmax(np.nanmean(solution.alone**2, axis=0)) / 2))
-    evidence = replace(evidence, excess_px=excess, noise_px=noise, rigid_p=p)
-    if is_loose(evidence):
+    measured = replace(measured, excess_px=excess, noise_px=noise, rigid_p=p)
+    if measured.is_loose:
         # Lenses fitted to a common pose that does not exist are worse than those of each camera alone.
         results = {name: assess(one, policy=policy) for name, one in zip(lens.names, alone, strict=True)}
     else:
@@ -504,16 +454,18 @@ def _assessed(
         for camera, name in enumerate(lens.names)
         if camera
     }
-    evidence = replace(
-        evidence,
-        verdicts=_verdicts(results),
+    return replace(
+        measured,
+        cameras=results,
+        poses={
+            name: _pose(solution, C * inflation, camera) for camera, name in enumerate(lens.names) if camera
+        },
         cross_px=cross,
         kappa2=halves.kappa2 if halves is not None else None,
         apart=tuple((solution.seen.shots[shot], lens.names[camera]) for shot, camera in solution.apart),
-        shots=int(((solution.rows >= 0).sum(axis=1) >= 2).sum()),
+        joint=int(((solution.rows >= 0).sum(axis=1) >= 2).sum()),
+        shots=_shots(solution),
     )
-    poses = {name: _pose(solution, C * inflation, camera) for camera, name in enumerate(lens.names) if camera}
-    return _judged(results, poses, evidence, _shots(solution), observations)
 
 
 def _as_turned(one: Solved, usable: Observations) -> Observations:
@@ -593,28 +545,6 @@ def _shots(solution: RigSolution) -> tuple[ShotResult, ...]:
             out = tuple(names[c] for c in at if (shot, c) in apart)
             found.append(ShotResult(name=name, rms_px=rms, alone_px=alone, apart=out))
     return tuple(found)
-
-
-def _verdicts(results: Mapping[str, CalibrationResult]) -> dict[str, Use]:
-    return {name: result.verdict for name, result in results.items()}
-
-
-def _judged(
-    results: Mapping[str, CalibrationResult],
-    poses: Mapping[str, RigPose],
-    evidence: RigEvidence,
-    shots: tuple[ShotResult, ...],
-    observations: RigObservations,
-) -> RigResult:
-    return RigResult(
-        cameras=results,
-        poses=poses,
-        findings=judge_rig(evidence),
-        evidence=evidence,
-        limits=RIG_LIMITS,
-        shots=shots,
-        observations=observations,
-    )
 
 
 GRID: Final = (9, 7)

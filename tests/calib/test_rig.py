@@ -16,10 +16,11 @@ from calibrary.calib.artwork import artwork
 from calibrary.calib.board import Board, parse_board
 from calibrary.calib.lens_models import Solvable
 from calibrary.calib.model_choice import f_test
-from calibrary.calib.rig.estimation import RigResult, _rigidity, estimate_rig
+from calibrary.calib.rig.estimation import _rigidity, estimate_rig
 from calibrary.calib.rig.lens import Place, RigLens
 from calibrary.calib.rig.observations import RigObservations
 from calibrary.calib.rig.start import _is_ambiguous
+from calibrary.calib.rig.verdict import RigResult
 from calibrary.errors import InputError
 from calibrary.records import replace
 from calibrary.rotations import rotation_matrix
@@ -79,8 +80,8 @@ def test_places_are_found_and_their_sigma_covers_the_truth(bow_mm: float) -> Non
         baselines.append(share)
         z.append(sigmas)
         assert result.verdict is not Use.NONE
-        assert result.evidence.rigid_p is not None
-        assert result.evidence.rigid_p > 1e-3
+        assert result.rigid_p is not None
+        assert result.rigid_p > 1e-3
     assert max(turns) < 0.01
     assert max(baselines) < 0.002
     assert np.abs(z).max() < 3.5
@@ -142,7 +143,7 @@ def test_a_frame_that_one_camera_alone_saw_serves_its_lens() -> None:
     result = estimate_rig(half)
     assert len(names) > len(fewer.views)
     assert result.cameras["cam0"].evidence.views == len(seen.cameras["cam0"].views)
-    assert result.evidence.shared["cam1"] == len(fewer.views)
+    assert result.shared["cam1"] == len(fewer.views)
 
 
 @pytest.mark.thorough
@@ -153,7 +154,7 @@ def test_a_shot_in_which_something_moved_is_taken_apart() -> None:
         return turned(place, (0.0, 0.6, 0.0), (4.0, 0.0, 0.0)) if camera == 1 and shot == 8 else place
 
     result = estimate_rig(seen_by(truth, 7, moved=moved))
-    assert [shot for shot, _ in result.evidence.apart] == ["shot-008"]
+    assert [shot for shot, _ in result.apart] == ["shot-008"]
     degrees, share, z = off(result.poses["cam1"], truth.places[1])
     assert degrees < 0.01
     assert share < 0.002
@@ -169,7 +170,7 @@ def test_a_camera_that_moved_in_the_rig_is_named_with_the_shot() -> None:
         return turned(place, (0.3, 0.4, 0.0)) if camera == 1 and shot >= 9 else place
 
     result = estimate_rig(seen_by(truth, 8, moved=moved))
-    [trouble] = result.evidence.troubles
+    [trouble] = result.troubles
     assert trouble.rule == "camera-moved"
     assert re.match(r"cam1 moved in the rig before the shot shot-0(08|09|10):", trouble.message)
     assert result.verdict is Use.NONE
@@ -186,7 +187,7 @@ def test_cameras_that_did_not_fire_together_are_named() -> None:
 
     result = estimate_rig(seen_by(truth, 9, moved=moved))
     assert "not-simultaneous" in rules(result)
-    assert not result.evidence.troubles
+    assert not result.troubles
 
 
 @pytest.mark.thorough
@@ -237,7 +238,7 @@ def test_exchanged_frames_of_single_shots_are_named() -> None:
         swapped = replace(other, name=own.name)
         exchanged[name] = replace(camera, views=tuple(swapped if v is own else v for v in camera.views))
     result = estimate_rig(replace(seen, cameras=exchanged))
-    [trouble] = result.evidence.troubles
+    [trouble] = result.troubles
     assert trouble.rule == "swapped-frames"
     assert trouble.message.startswith(f"in {seen.shots[shot]} the frame of cam1")
 

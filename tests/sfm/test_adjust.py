@@ -280,9 +280,9 @@ def test_a_flight_is_judged_alike_whatever_the_camera_resolves() -> None:
 
 
 def test_halves_of_images_with_noise_alone_agree() -> None:
-    split = judged("two heights, flat, RTK").halves
-    assert split is not None
-    assert 0.3 < split.kappa2 < 2.0
+    kappa2 = judged("two heights, flat, RTK").evidence.kappa2
+    assert kappa2 is not None
+    assert 0.3 < kappa2 < 2.0
 
 
 def test_halves_disagree_where_images_are_bent() -> None:

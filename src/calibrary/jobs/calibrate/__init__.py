@@ -172,7 +172,7 @@ def calibrate(
     from calibrary.jobs.calibrate.flight import solve_flight
     from calibrary.jobs.calibrate.frames import Told, recorded
     from calibrary.jobs.calibrate.outputs import Outputs, file_to_write
-    from calibrary.jobs.calibrate.report import Asked, encoder, report_of
+    from calibrary.jobs.calibrate.report import Asked, CalibrateReport, encoder
     from calibrary.records import replace
 
     Solvable.named(lens_model)
@@ -207,7 +207,7 @@ def calibrate(
         result, detections, guess = solve_flight(
             given, flight, told, asked, points=points, start=seed_k, registry=registry, progress=progress
         )
-        report = report_of(
+        report = CalibrateReport.of(
             result, detections, replace(asked, guess_fx=guess.fx if guess is not None else None)
         )
         return outputs.write(report, partial(view_of, detections=detections), lambda _: {})
@@ -235,7 +235,7 @@ def calibrate(
         result = run.solved(
             detections, asked, told, guess=guess, corners_from=file, corners_to=outputs.corners
         )
-        report = report_of(
+        report = CalibrateReport.of(
             result, detections, replace(asked, guess_fx=guess.fx if guess is not None else None)
         )
         return outputs.write(

@@ -17,10 +17,10 @@ from calibrary.calib.frames import read_frame
 from calibrary.calib.geometry import CELLS, inside_circle, near_corners
 from calibrary.calib.observations import Observations, View
 from calibrary.calib.projection_difference import pixel_grid
-from calibrary.calib.result import ViewResult
+from calibrary.calib.result import ViewResult, Warp
 from calibrary.calibration import Calibration, ImageSize
 from calibrary.errors import InputError
-from calibrary.jobs.calibrate.report import CalibrateReport, Warp
+from calibrary.jobs.calibrate.report import CalibrateReport
 from calibrary.jobs.calibrate.rig_report import RigReport
 from calibrary.pages.palette import Colour
 from calibrary.pages.plots import (

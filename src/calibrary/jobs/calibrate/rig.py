@@ -16,8 +16,9 @@ from calibrary.calib.board import Board
 from calibrary.calib.corners_arrays import Corners
 from calibrary.calib.corners_file import FileName, encode_corners, read_corners, read_table
 from calibrary.calib.detection import Detections, find_board
-from calibrary.calib.rig.estimation import RigResult, estimate_rig
+from calibrary.calib.rig.estimation import estimate_rig
 from calibrary.calib.rig.observations import RigObservations
+from calibrary.calib.rig.verdict import RigResult
 from calibrary.calibration import CameraKey
 from calibrary.errors import CalibrationError, InputError
 from calibrary.jobs.calibrate.corners_in import corners_of_arrays, corners_of_rig_table

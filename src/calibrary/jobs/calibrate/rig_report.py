@@ -7,13 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from calibrary.calib.rig.estimation import RigResult, ShotResult
-from calibrary.calib.rig.verdict import RigLimits
+from calibrary.calib.rig.verdict import RIG_LIMITS, RigLimits, RigResult, ShotResult
 from calibrary.calib.verdict import AskedUse
 from calibrary.calibration import Calibration
 from calibrary.errors import CalibrationError, InputError
 from calibrary.jobs.calibrate.outputs import Encode
-from calibrary.jobs.calibrate.report import Asked, CalibrateReport, report_of
+from calibrary.jobs.calibrate.report import Asked, CalibrateReport
 from calibrary.jobs.calibrate.rig import RigDetections
 from calibrary.parsers.rigs import encode_rig, format_of_name
 from calibrary.records import Record, replace
@@ -149,7 +148,6 @@ def rig_report(
     result: RigResult, detections: RigDetections, asked: Asked, *, compared: Rig | None, name: str | None
 ) -> RigReport:
     """Make the report of a solved rig."""
-    evidence = result.evidence
     return RigReport(
         verdict=result.verdict,
         findings=result.findings,
@@ -158,16 +156,16 @@ def rig_report(
         name=name,
         reference=result.reference,
         poses=result.poses,
-        cross_std_px=evidence.cross_px or {},
-        kappa2=evidence.kappa2,
-        excess_px=evidence.excess_px,
+        cross_std_px=result.cross_px or {},
+        kappa2=result.kappa2,
+        excess_px=result.excess_px,
         shots=result.shots,
         pairing=detections.how,
         stated=_difference(result, detections.stated),
         compared=_difference(result, compared),
-        limits=result.limits,
+        limits=RIG_LIMITS,
         cameras=tuple(
-            CameraReport(name=camera, result=report_of(one, detections.cameras[camera], asked))
+            CameraReport(name=camera, result=CalibrateReport.of(one, detections.cameras[camera], asked))
             for camera, one in result.cameras.items()
         ),
     )

@@ -18,7 +18,7 @@ from calibrary.calib.result import CalibrationResult
 from calibrary.calibration import Calibration, CameraKey, Grade, SourceFile
 from calibrary.errors import CalibraryError, InputError, RegistryError
 from calibrary.evidence.metadata import ImageMetadata
-from calibrary.jobs.calibrate.report import Asked, report_of
+from calibrary.jobs.calibrate.report import Asked, CalibrateReport
 from calibrary.jobs.diff.comparison import compare
 from calibrary.jobs.onboard.payload import FRAME, PayloadCamera
 from calibrary.jobs.onboard.report import Agreement, Estimate, ImageSolve, Kind, RelatedEntry, UsedFile
@@ -347,7 +347,7 @@ def entry_for(
     if solved is not None:
         named = replace(solved.calibration, camera=replace(key, firmware=camera.firmware))
         seen = Detections(observations=solved.observations)
-        entry = report_of(replace(solved, calibration=named), seen, Asked()).entry
+        entry = CalibrateReport.of(replace(solved, calibration=named), seen, Asked()).entry
         calibration = entry.calibration
     else:
         calibration = replace(K, camera=key, extras=())
