@@ -199,9 +199,9 @@ def _catalogue() -> dict[str, str]:
     pages: dict[str, str] = {}
     for make in makers:
         rows: list[tuple[str, ...]] = []
-        for models in dict.fromkeys(known.models for known in cameras if known.make == make):
-            its = [known for known in cameras if (known.make, known.models) == (make, models)]
-            name = re.sub(r"\W+", "-", f"{make} {models[0]} {its[0].sub_camera or ''}".casefold()).strip("-")
+        for names in dict.fromkeys(known.names for known in cameras if known.make == make):
+            its = [known for known in cameras if (known.make, known.names) == (make, names)]
+            name = re.sub(r"\W+", "-", f"{make} {names[0]} {its[0].sub_camera or ''}".casefold()).strip("-")
             pages[f"reference/catalogue/{name}.md"] = _camera_page(make, its)
             rows += [(f"[{first}](catalogue/{name}.md)", *others) for first, *others in map(_camera, its)]
         parts += [f"## {plain(make)}", _table(SHOWN, rows)]
@@ -213,13 +213,13 @@ SHOWN: Final = ("camera", "EXIF Model", "sub-camera", "lens", "image px", "pitch
 
 def _camera_page(make: str, cameras: Sequence[KnownCamera]) -> str:
     name = cameras[0].title if len(cameras) == 1 else cameras[0].title.split(", ")[0]
-    models = ", ".join(cameras[0].models)
+    models = f" ({', '.join(cameras[0].models)})" if cameras[0].models else ""
     parts = [
         # The manual's search leaves out digits, but takes an entry of the index if half of it was typed.
         f"---\norphan: true\n---\n\n```{{index}} single: {' '.join(name.split()[:2])}\n```\n",
-        f"# {plain(f'{name} ({models})')}\n",
+        f"# {plain(f'{name}{models}')}\n",
         f"What the [catalogue](../catalogue.md) knows of this camera by {plain(make)}, before it is calibrated. "
-        f"The same in a terminal: `calibrary catalogue {shlex.quote(cameras[0].models[0])}`. Next: [is the K of its "
+        f"The same in a terminal: `calibrary catalogue {shlex.quote(cameras[0].names[0])}`. Next: [is the K of its "
         "images right?](../../tutorials/check-a-flight.md), or [keep a K of each unit](../../tutorials/keep-a-"
         "registry.md).\n",
         _table(SHOWN, [_camera(known) for known in cameras]),
@@ -239,7 +239,7 @@ def _camera(known: KnownCamera) -> tuple[str, ...]:
     focal = f"{zoom[0]:g}–{zoom[1]:g}" if zoom else _number(known.focal_mm)
     return (
         plain(f"{known.make} {known.title}" if not known.title.startswith(known.make) else known.title),
-        plain(", ".join(known.models)),
+        plain(", ".join(known.models) or "–"),
         plain(known.sub_camera or ", ".join(known.bands) or "–"),
         plain(known.lens or "–"),
         size,

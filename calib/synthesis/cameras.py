@@ -82,7 +82,7 @@ def unit_of(camera: KnownCamera, seed: int) -> Calibration:
     return Calibration(
         camera=CameraKey(
             make=camera.make,
-            model=camera.models[0],
+            model=camera.names[0],
             sub_camera=camera.sub_camera,
             lens=camera.lens,
             focal_mm=camera.focal_mm,

@@ -182,7 +182,8 @@ class KnownCamera(Record):
     Attributes:
         make: EXIF Make.
         title: common name.
-        models: all known spellings of EXIF Model, of every body with this camera.
+        models: all known spellings of EXIF Model, of every body with this camera; empty if no source states what it
+            writes.
         other_makes: values of EXIF Make other than ``make``.
         sub_camera: set only if one Model has several cameras; None if the Model is one camera, or several identical
             ones.
@@ -212,7 +213,7 @@ class KnownCamera(Record):
 
     make: Name
     title: Name
-    models: Annotated[tuple[Name, ...], Meta(min_length=1), Once]
+    models: Annotated[tuple[Name, ...], Once]
     other_makes: Annotated[tuple[Name, ...], Once] = ()
     sub_camera: SubCamera | None = None
     bands: Annotated[tuple[Band, ...], Once] = ()
@@ -233,6 +234,11 @@ class KnownCamera(Record):
     conflicts: Annotated[tuple[Text, ...], Once] = ()
     notes: Annotated[tuple[Text, ...], Once] = ()
     sources: tuple[tuple[str, Text], ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Its Models, or its title if no source states one."""
+        return self.models or (self.title,)
 
     @property
     def gives_k(self) -> bool:

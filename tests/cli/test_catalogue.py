@@ -44,7 +44,7 @@ def test_a_model_is_told_with_the_k_of_each_size_that_it_writes(capsys: pytest.C
     text = printed(capsys, "FC6310")
     for size, cx in (("5472×3648", 2736), ("4864×3648", 2432), ("5472×3078", 2736)):
         assert f"K of {size}: fx 3660.8 fy 3660.8 cx {cx} " in text
-    half = "K of 4000×3000: fx 2752.0 fy 2752.0 cx 2000 cy 1500 px, nominal"
+    half = "K of 4000×3000: fx 2820.0 fy 2820.0 cx 2000 cy 1500 px, nominal"
     assert half in printed(capsys, "M3T")
     assert "K of" not in printed(capsys, "HERO6 Black")
 

@@ -9,8 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calibrary.calibration import ImageSize
-from calibrary.catalogue import Basis, Catalogue, MatchOutcome, load_catalogue
+from calibrary.catalogue import Basis, Catalogue, MatchOutcome, camera_named, load_catalogue
 from calibrary.errors import InputError
+from calibrary.jobs.layers.catalogue_entries import catalogue_entries
 from calibrary.known_camera import KnownCamera
 from calibrary.records import replace
 
@@ -209,6 +210,26 @@ def test_search_finds_every_word_anywhere_in_the_names() -> None:
     assert {camera.sub_camera for camera in CATALOGUE.search("m30t")} == {"wide", "zoom", "thermal"}
     assert CATALOGUE.search("no such camera") == []
     assert CATALOGUE.search("  ") == list(CATALOGUE)
+
+
+def test_a_part_of_a_word_is_searched_for_only_if_no_camera_has_the_word() -> None:
+    titles = {text: {camera.title for camera in CATALOGUE.search(text)} for text in ("L3", "l3d", "Neo 2")}
+    assert titles == {"L3": {"Zenmuse L3, cameras"}, "l3d": {"Mavic 4 Pro, main"}, "Neo 2": {"Neo 2"}}
+    assert {camera.title.split()[0] for camera in CATALOGUE.search("hero1")} >= {"HERO10", "HERO13"}
+    assert {camera.models for camera in CATALOGUE.search("FC6310")} == {("FC6310", "FC6310S")}
+    assert [camera.title for camera in CATALOGUE.search("nano")] == ["EVO Nano"]
+    assert [camera.title for camera in CATALOGUE.search("nano+")] == ["EVO Nano+"]
+
+
+def test_a_camera_whose_model_no_source_states_is_found_by_its_title() -> None:
+    unseen = [camera for camera in CATALOGUE if not camera.models]
+    assert "Zenmuse L3, cameras" in {camera.title for camera in unseen}
+    for camera in unseen:
+        assert camera_named(camera.title) == camera
+        assert CATALOGUE.find(camera.make, camera.title, sub_camera=camera.sub_camera).camera == camera
+    left = {one.title: one.reason for one in catalogue_entries(unseen)[1]}
+    assert {*left.values()} == {"no source states the Model that its images carry"}
+    assert len(left) == len(unseen)
 
 
 def test_two_entries_for_one_camera_are_refused() -> None:

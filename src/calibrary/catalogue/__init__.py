@@ -7,8 +7,9 @@ source states is left out.
 A new camera is an entry of the maker's file:
 
 1.  ``models`` are the spellings of EXIF Model and ``make`` that of EXIF Make, as the camera writes them
-    (``calibrary inspect --tags IMAGE`` shows both); letter case and blanks do not matter. A maker without a file gets
-    one, named as its make in lower case.
+    (``calibrary inspect --tags IMAGE`` shows both); letter case and blanks do not matter. If no source states what a
+    camera writes, its list is empty: the camera is found by its title, but no image is taken for one of it. A maker
+    without a file gets one, named as its make in lower case.
 2.  Each number stands with its source, ``{value: 2.4, source: "DJI: data sheet"}``; the word before the colon is a key
     of the file's ``references``. :class:`~calibrary.known_camera.KnownCamera` explains the fields, ``native_size`` and
     ``pitch_um`` are the ones that give a K, ``fx_over_w`` is what a K is compared with. ``sizes`` are stated only if
@@ -159,9 +160,17 @@ class Catalogue:
         return len(self.cameras)
 
     def search(self, text: str) -> list[KnownCamera]:
-        """Cameras with every word of ``text`` in their make, Model, title, sub-camera or lens."""
-        words = _fold(text).split()
-        return [camera for camera in self.cameras if all(word in _described(camera) for word in words)]
+        """Cameras with every word of ``text`` in their make, Model, title, sub-camera or lens.
+
+        Only if no camera has all of them as whole words, parts of words count as well: L3 is the Zenmuse L3 and not
+        the L3D of another camera.
+        """
+        wanted = _words(text)
+        whole = [camera for camera in self.cameras if wanted <= _words(_described(camera))] if wanted else []
+        parts = _fold(text).split()
+        return whole or [
+            camera for camera in self.cameras if all(part in _described(camera) for part in parts)
+        ]
 
     def find(
         self,
@@ -360,7 +369,7 @@ def _index(cameras: Iterable[KnownCamera]) -> Mapping[tuple[str, str], tuple[Kno
         for name in dict.fromkeys(
             (_fold(make), _fold(model))
             for make in (camera.make, *camera.other_makes)
-            for model in camera.models
+            for model in camera.names
         ):
             there = by_name.setdefault(name, {})
             if identity in there:
@@ -382,6 +391,11 @@ def _described(camera: KnownCamera) -> str:
         camera.lens or "",
     )
     return _fold(" ".join(words))
+
+
+def _words(text: str) -> frozenset[str]:
+    """The words of a name; a + belongs to its word, other signs part them."""
+    return frozenset(re.findall(r"[\w+]+", _fold(text)))
 
 
 def _fold(text: str) -> str:
@@ -502,7 +516,7 @@ def load_catalogue(path: Path | None = None) -> Catalogue:
 
 def search_catalogue(text: str) -> list[KnownCamera]:
     """Cameras that :meth:`Catalogue.search` finds in the shipped catalogue."""
-    return Catalogue(shipped_with(text.split())).search(text)
+    return Catalogue(shipped_with(_words(text))).search(text)
 
 
 def camera_named(name: str) -> KnownCamera:

@@ -23,7 +23,7 @@ FIXED = [
     and camera.native_size is not None
     and camera.fx_over_w_at(camera.focal_mm) is not None
     # Of two cameras of one Model that write the same frame, nothing tells which it is.
-    and (camera.models[0], camera.sub_camera) not in {("ZH20N", "thermal"), ("M30T", "wide")}
+    and (camera.names[0], camera.sub_camera) not in {("ZH20N", "thermal"), ("M30T", "wide")}
 ]
 PHANTOM_4: dict[str, Any] = {"make": "DJI", "model": "FC330"}
 BY_THE_CATALOGUE = 3.61 / 6.3175 * 4000
@@ -31,12 +31,12 @@ SKYDIO: dict[str, Any] = {"make": "Skydio", "model": "2"}
 
 
 @pytest.mark.parametrize(
-    "known", FIXED, ids=lambda known: f"{known.make} {known.models[0]} {known.sub_camera}"
+    "known", FIXED, ids=lambda known: f"{known.make} {known.names[0]} {known.sub_camera}"
 )
 def test_a_fixed_lens_without_a_focal_length_has_its_k(known: KnownCamera) -> None:
     assert known.native_size is not None
     stated = ImageMetadata(
-        size=known.native_size, make=known.make, model=known.models[0], lens=known.lens, has_exif=True
+        size=known.native_size, make=known.make, model=known.names[0], lens=known.lens, has_exif=True
     )
     camera = judge_known(stated)
     expected = known.fx_over_w_at(known.focal_mm)

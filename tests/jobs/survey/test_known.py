@@ -180,7 +180,7 @@ def test_every_camera_of_the_catalogue_passes_its_own_numbers() -> None:
             size = (camera.native_size[0] // part, camera.native_size[1] // part)
             key = CameraKey(
                 make=camera.make,
-                model=camera.models[0],
+                model=camera.names[0],
                 sub_camera=camera.sub_camera,
                 lens=camera.lens,
                 focal_mm=camera.focal_mm,

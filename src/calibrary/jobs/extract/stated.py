@@ -51,7 +51,7 @@ class Stated(Struct, frozen=True, kw_only=True):
         except InputError as error:
             raise UsageError(f"--camera: {error.message}") from None
         wanted = self.camera.strip().casefold()
-        model = next((one for one in known.models if one.casefold() == wanted), known.models[0])
+        model = next((one for one in known.names if one.casefold() == wanted), known.names[0])
         return {
             replace(one, make=known.make, model=model, lens=known.lens, stated=one.stated | {"camera"})
             if one.model is None

@@ -67,6 +67,8 @@ def _focal_over_width(camera: KnownCamera) -> float | None:
 
 
 def _reason_against(camera: KnownCamera, over_width: float | None) -> str | None:
+    if not camera.models:
+        return "no source states the Model that its images carry"
     if camera.projection is not Projection.PERSPECTIVE:
         return f"a {camera.projection.value} lens, which a pinhole K does not describe"
     if camera.native_size is None:
