@@ -14,9 +14,11 @@ sys.path.insert(0, str(DOCS))
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
 
+    from docs.contents import toctrees
     from docs.make_reference import man_pages as manual_pages
     from docs.make_reference import write_pages
 else:
+    from contents import toctrees
     from make_reference import man_pages as manual_pages
     from make_reference import write_pages
 
@@ -64,6 +66,11 @@ def _generate(_app: Sphinx) -> None:
     write_pages(DOCS)
 
 
+def _place(_app: Sphinx, page: str, source: list[str]) -> None:
+    """The pages of an index are those that it links to."""
+    source[0] += toctrees(DOCS).get(page, "")
+
+
 def _keep_bars(
     _app: Sphinx, _what: str, _name: str, _value: object, _options: object, lines: list[str]
 ) -> None:
@@ -74,5 +81,6 @@ def _keep_bars(
 def setup(app: Sphinx) -> dict[str, Any]:
     """Write the generated pages when a build begins."""
     app.connect("builder-inited", _generate)
+    app.connect("source-read", _place)
     app.connect("autodoc-process-docstring", _keep_bars)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -80,16 +80,31 @@ def test_every_link_leads_to_a_file_and_a_heading(page: Path) -> None:
     assert broken == []
 
 
+@pytest.mark.parametrize("page", [*PAPERS, *PAGES], ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_a_page_is_whole_on_a_code_host(page: Path) -> None:
+    """Nothing that only a build makes of a page, and no link to a page that only a build makes."""
+    text = page.read_text(encoding="utf-8")
+    assert re.findall(r"(?m)^```\{toctree\}", text) == []
+    assert re.findall(r"\{[a-z]+\}`", re.sub(r"(?ms)^```.*?^```$", "", text)) == []
+    from_the_code = {DOCS / name for name in made()}
+    assert [file for file, _ in links(page) if (page.parent / file).resolve() in from_the_code] == []
+
+
 def test_links_are_found() -> None:
     assert sum(len([*links(page)]) for page in PAGES) > 40
 
 
 def test_every_page_has_its_place_in_the_manual() -> None:
+    appended = runpy.run_path(str(DOCS / "contents.py"))["toctrees"](DOCS)
     listed = {DOCS / "index.md"}
     for page in [*PAGES, *(DOCS / name for name in made())]:
-        for block in re.findall(r"(?ms)^```\{toctree\}\n(.*?)^```$", text_of(page)):
+        text = text_of(page) + appended.get(page.relative_to(DOCS).with_suffix("").as_posix(), "")
+        for block in re.findall(r"(?ms)^```\{toctree\}\n(.*?)^```$", text):
             entries = [line for line in block.splitlines() if line and not line.startswith(":")]
-            listed |= {(page.parent / f"{entry}.md").resolve() for entry in entries}
+            listed |= {
+                (DOCS / f"{entry[1:]}.md" if entry[0] == "/" else page.parent / f"{entry}.md").resolve()
+                for entry in entries
+            }
     orphans = {DOCS / name for name, text in made().items() if text.startswith("---\norphan: true")}
     every = {*PAGES, *(DOCS / name for name in made())}
     assert every - listed - orphans == set()
