@@ -260,6 +260,18 @@ def _source_file(revision: Revision, sha256: str | None) -> str | None:
     return names.get(sha256) if sha256 is not None else None
 
 
+def story(put: Recorded | None, approved: Sequence[Approval]) -> list[tuple[str, str]]:
+    """Rows of who added a calibration to the registry, who need not have made it, and of who approved it."""
+    rows = []
+    if put is not None:
+        from_file = f", from {put.file}" if put.file is not None else ""
+        rows.append(("recorded", f"{put.date:%Y-%m-%d} by {put.by}{from_file}, commit {put.commit[:12]}"))
+    for one in approved:
+        at = f", commit {one.commit[:12]}" if one.commit else ""
+        rows.append(("approved", f"{one.date:%Y-%m-%d} by {one.by}{at}"))
+    return rows
+
+
 class ShownEntry(ListedEntry, tag_field="schema", tag="calibrary/registry-show-1"):
     """Output of ``calibrary registry show --json``.
 
@@ -284,8 +296,20 @@ class ShownEntry(ListedEntry, tag_field="schema", tag="calibrary/registry-show-1
 
     def rows(self) -> list[tuple[str, str]]:
         """Return every field as (name, value), numbers with ten digits and their uncertainty."""
-        use = [("use", f"{self.use}: {self.use_reason}")] if self.use is not None else []
-        return [*entry_rows(self.stored.entry, "{:.10g}".format), *use] if self.stored is not None else []
+        if self.stored is None:
+            return []
+        more = [
+            ("use", f"{self.use}: {self.use_reason}" if self.use is not None else ""),
+            ("file", self.path),
+            ("digest of the file", (self.blob or "")[:12]),
+            ("commit", (self.commit or "")[:12]),
+            ("proposed", f"another K waits for approval: {self.proposal}" if self.proposal else ""),
+            *story(self.recorded, self.approved),
+        ]
+        return [
+            *entry_rows(self.stored.entry, "{:.10g}".format),
+            *((name, text) for name, text in more if text),
+        ]
 
     def _repr_html_(self) -> str:
         """Return every field as HTML, for notebooks."""

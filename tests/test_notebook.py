@@ -64,10 +64,10 @@ def test_a_registry_its_entries_and_its_answers(flight: Path) -> None:
     assert "||dji/fc6310r/5472x3648||approved||calibrated||3659.00|" in listed
     assert "|intrinsics.fx||3659 px|" in text_of(fleet.show("fc6310r")._repr_html_())
     answer = text_of(fleet.resolve("fc6310r")._repr_html_())
-    assert "|entry||dji/fc6310r/5472x3648|" in answer
-    assert "|fx||3659.000|" in answer
+    assert "|entry||cameras/dji/fc6310r/5472x3648.yaml" in answer
+    assert "|fx||3659.00 px|" in answer
     none = text_of(fleet.resolve(CameraKey(make="DJI", model=HOSTILE))._repr_html_())
-    assert "|entry||none|" in none
+    assert "No approved K applies" in none
     assert "&lt;script&gt;" in none
 
 

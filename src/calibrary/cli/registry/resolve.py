@@ -11,8 +11,6 @@ from calibrary.cli.shown import Shown
 from calibrary.jobs.resolve import resolve
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from calibrary.calibration import Intrinsics
     from calibrary.cli.console import Screen
     from calibrary.jobs.resolve.run import FleetAnswer
@@ -42,37 +40,32 @@ that is possible is shown. exit code 4: none answers, or several fit equally wel
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    return answered(arguments, call(resolve, arguments, history=arguments.json), _say)
-
-
-def answered(
-    arguments: argparse.Namespace, found: FleetAnswer, say: Callable[[Screen, FleetAnswer], None]
-) -> int:
-    """Print an answer, and on standard error what to know of it and to do about it; returns the exit code."""
     from calibrary.cli.console import errors, out
 
+    found = call(resolve, arguments, history=arguments.json)
     for warning in (*found.warnings, *found.disagreements):
         errors().say(("warning", "yellow"), f" {warning}")
     if arguments.json:
         print_json(found)
     elif found.path is not None:
-        say(out(arguments), found)
+        K = f"  {numbers(found.calibration.intrinsics)}" if found.calibration is not None else ""
+        out(arguments).show([f"{found.use}  {found.path}{K}"])
     if found.path is None:
         _show_none(errors(), found)
-        return EXIT_NONE
-    if found.calibration is None:
+    elif found.calibration is None:
         errors().say(f"calibrary: this K may not be used: {found.use_reason}")
     for one in found.possible:
         errors().say(f"  possible: {numbers(one.intrinsics)}  {'; '.join(one.steps) or 'of this size'}")
-    if found.remedy is not None:
+    if found.path is not None and found.remedy is not None:
         errors().say(f"  to do: {found.remedy}")
+    return exit_code(found)
+
+
+def exit_code(found: FleetAnswer) -> int:
+    """The exit code that follows from an answer."""
+    if found.path is None:
+        return EXIT_NONE
     return 0 if found.calibration is not None else EXIT_NOT_TO_USE
-
-
-def _say(screen: Screen, found: FleetAnswer) -> None:
-
-    K = f"  {numbers(found.calibration.intrinsics)}" if found.calibration is not None else ""
-    screen.show([f"{found.use}  {found.path}{K}"])
 
 
 def numbers(K: Intrinsics) -> str:

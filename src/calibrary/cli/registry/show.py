@@ -13,13 +13,9 @@ from calibrary.jobs.fleet import Fleet
 from calibrary.jobs.resolve import names_image, resolve
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from calibrary.calibration import Calibration
     from calibrary.cli.console import Screen
     from calibrary.cli.words import Words
-    from calibrary.jobs.fleet import Approval, FieldChange, Recorded, ShownEntry
-    from calibrary.jobs.resolve.run import FleetAnswer, UsedEntry
+    from calibrary.jobs.fleet import FieldChange, ShownEntry
 
 DESCRIPTION = (
     "Show one entry, as it is or as it was, or the one that applies to an image, with its K and its use."
@@ -46,14 +42,21 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _show_of_image(arguments: argparse.Namespace) -> int:
-    from calibrary.cli.registry.resolve import answered
+    from calibrary.cli.console import out
+    from calibrary.cli.registry.resolve import exit_code
+    from calibrary.cli.terminal import show
+    from calibrary.view import view_of
 
     if arguments.against is not None or arguments.yaml:
         arguments.parser.error(
             "--diff and --yaml: of an entry; without them 'show IMAGE' tells which one it is"
         )
     found = resolve(arguments.key, registry=arguments.registry, history=True)
-    return answered(arguments, found, _tell)
+    if arguments.json:
+        print_json(found)
+    else:
+        show(out(arguments), view_of(found))
+    return exit_code(found)
 
 
 def _show(arguments: argparse.Namespace) -> int:
@@ -88,84 +91,7 @@ def _describe(screen: Screen, shown: ShownEntry) -> None:
 
     label = f"{shown.label}  " if shown.label is not None else ""
     screen.say((label + shown.id, "bold"))
-    place = [
-        ("file", shown.path),
-        ("digest of the file", (shown.blob or "")[:12]),
-        ("commit", (shown.commit or "")[:12]),
-        *_proposed(shown.proposal),
-    ]
-    rows = [*shown.rows(), *place, *_recorded(shown.recorded), *approval_rows(shown.approved)]
-    screen.show(facts([(name, value) for name, value in rows], screen.width))
-
-
-def _tell(screen: Screen, found: FleetAnswer) -> None:
-    from calibrary.cli.tables import facts
-
-    entry, path, why = found.entry, found.path or "", found.why or ""
-    at = f" at {found.commit[:12]}" if found.commit is not None else ""
-    status = entry.status.value if entry is not None else "of the type, not in any registry"
-    rows = [
-        ("camera", f"{found.camera}, by {found.known_by}"),
-        ("registry", found.registry),
-        ("entry", f"{path}{at}, {status}"),
-        ("reason", why.removeprefix(f"{path} ")),
-        *(_calibration_rows(found.calibration) if found.calibration is not None else ()),
-        ("use", f"{found.use}: {found.use_reason}"),
-        *(_story(entry) if entry is not None else ()),
-    ]
-    near = [("near", f"{item.path}: {item.reason}") for item in found.near]
-    shown = [(name, value) for name, value in rows if value]
-    screen.show(facts([*shown, *near], screen.width))
-
-
-def _calibration_rows(calibration: Calibration) -> list[tuple[str, str]]:
-    from calibrary.cli.registry.resolve import numbers
-
-    lens, made = calibration.distortion, calibration.provenance
-    return [
-        ("adapted", made.adaptation or "no, it is of this size"),
-        *(("assumed", text) for text in made.assumptions),
-        ("grade", calibration.grade.value),
-        ("K", numbers(calibration.intrinsics)),
-        ("distortion", lens.model if lens is not None else "unknown"),
-        *((f"  {name}", f"{value:.8g}") for name, value in (lens.shown.items() if lens else ())),
-        ("made from", made.tag or ""),
-    ]
-
-
-def _story(entry: UsedEntry) -> list[tuple[str, str]]:
-    override = f"it contradicts what is known of its camera: {entry.override}" if entry.override else ""
-    return [
-        ("label", entry.label or ""),
-        ("overridden", override),
-        *_proposed(entry.proposal),
-        *_recorded(entry.recorded),
-        *approval_rows(entry.approved),
-    ]
-
-
-def _proposed(key: str | None) -> list[tuple[str, str]]:
-    said = f"another K waits for approval: calibrary registry show {key}"
-    return [("proposed", said)] if key is not None else []
-
-
-def approval_rows(approved: Sequence[Approval]) -> list[tuple[str, str]]:
-    """Rows of the approvals, one each."""
-    return [
-        (
-            "approved",
-            f"{one.date:%Y-%m-%d} by {one.by}" + (f", commit {one.commit[:12]}" if one.commit else ""),
-        )
-        for one in approved
-    ]
-
-
-def _recorded(put: Recorded | None) -> list[tuple[str, str]]:
-    """Row of the person who added the calibration to the registry, who need not be the one who made it."""
-    if put is None:
-        return []
-    from_file = f", from {put.file}" if put.file is not None else ""
-    return [("recorded", f"{put.date:%Y-%m-%d} by {put.by}{from_file}, commit {put.commit[:12]}")]
+    screen.show(facts(shown.rows(), screen.width))
 
 
 class _Show(OfRegistry):

@@ -39,7 +39,9 @@ from calibrary.jobs.desk.running import REPORT, SAME, desk_page, running
 from calibrary.jobs.desk.work import PATIENCE_S, Job, Jobs
 from calibrary.jobs.extract.targets import colmap_flags
 from calibrary.jobs.fleet import Fleet
-from calibrary.jobs.resolve.run import FleetAnswer, PossibleK
+from calibrary.jobs.resolve.run import FleetAnswer
+from calibrary.jobs.resolve.told import told as told_answer
+from calibrary.jobs.resolve.told import use_blocks
 from calibrary.jobs.site.camera_page import (
     STATUSES,
     Download,
@@ -51,11 +53,9 @@ from calibrary.jobs.site.camera_page import (
     steps,
 )
 from calibrary.jobs.site.folder import INDEX, Place
-from calibrary.jobs.use import Allowed
 from calibrary.known_camera import KnownCamera
 from calibrary.pages import Frame, render_page, served_policy
-from calibrary.pages.wording import cut_table, distortion_blocks, intrinsics_items, visible
-from calibrary.provenance import facts
+from calibrary.pages.wording import cut_table, visible
 from calibrary.records import replace
 from calibrary.registry.history import of_path
 from calibrary.registry.paths import PROPOSED, ROOT, SUFFIX, id_of
@@ -69,7 +69,6 @@ from calibrary.view import (
     Details,
     Field,
     Form,
-    KeyValues,
     Link,
     Note,
     Section,
@@ -90,11 +89,6 @@ WRITING_S: Final = 30.0
 SYNCING_S: Final = 180.0
 SCRIPT: Final = "/desk.js"
 MOST_ENTRIES: Final = 200
-USES: Final = {
-    "fixed": "A solver may keep it fixed",
-    "start": "A solver may start from it, and refines it",
-    "none": "A solver may not use it",
-}
 PROGRAMS: Final = {
     "COLMAP": "colmap_text",
     "ODM and WebODM": "odm_cameras",
@@ -358,52 +352,20 @@ class Pages:
 
     def _answered(self, answer: FleetAnswer, command: tuple[str, ...]) -> Section:
         K, entry = answer.calibration, answer.entry
-        if K is None and answer.path is not None:
-            blocks: list[Block] = [
-                Note(
-                    text=f"The K of {answer.path} may not be used for {answer.camera}: {answer.use_reason}.",
-                    action=answer.remedy,
-                    tone=Tone.BAD,
-                ),
-                *(KeyValues(tuple(_of_possible(one))) for one in answer.possible),
-                self._command(*command),
-            ]
-            return Section(title="No K to use", blocks=tuple(blocks))
-        if K is None:
-            near = tuple(f"{one.path}: {one.reason}" for one in answer.near[:3])
-            text = f"No approved K applies to {answer.camera} on {answer.on}. {'; '.join(near)}"
-            action = "approve a proposal, or put a calibration into the registry"
-            return Section(title="No K", blocks=(Note(text=text, action=action, tone=Tone.BAD),))
-        label = f" ({entry.label})" if entry is not None and entry.label else ""
-        blocks = [
-            Note(
-                text=f"Use this K for {answer.camera}{label} on {answer.on}: {answer.why}.",
-                action=f"look at its limits: it is {entry.reason}"
-                if entry is not None and entry.override
-                else None,
-                tone=Tone.GOOD,
-            ),
-            *(Note(text=text, tone=Tone.CAUTION) for text in (*answer.disagreements, *answer.warnings)),
-        ]
-        if entry is not None and entry.proposal is not None:
-            blocks.append(Note(text="Another K is proposed to replace it.", tone=Tone.CAUTION))
-        blocks.append(KeyValues(tuple(intrinsics_items(K))))
-        blocks += distortion_blocks(K)
-        blocks.append(KeyValues(facts(K.provenance, traced=False)))
-        if answer.allowed is not None:
-            blocks += _good_for(answer.allowed)
+        [section, *_] = told_answer(answer).sections
+        blocks: list[Block] = [*section.blocks]
+        if answer.allowed is not None and K is not None:
+            blocks += use_blocks(answer.allowed)
         if entry is not None:
             blocks.append(Link(f"All of {entry.id}", f"/{_place(entry.path).page}"))
-        query = urlencode({**_query(answer.camera), "on": answer.on.isoformat()})
-        blocks += [
-            Link("The address of this answer, to send on", f"/?{query}"),
-            Section(
-                title="For a program",
-                blocks=(*_for_programs(files_of(K), query), *_program_flags(K)),
-            ),
-            self._command(*command),
-        ]
-        return Section(title="The K to use", blocks=tuple(blocks))
+        if K is not None:
+            query = urlencode({**_query(answer.camera), "on": answer.on.isoformat()})
+            programs = (*_for_programs(files_of(K), query), *_program_flags(K))
+            blocks += [
+                Link("The address of this answer, to send on", f"/?{query}"),
+                Section(title="For a program", blocks=programs),
+            ]
+        return replace(section, blocks=(*blocks, self._command(*command)))
 
     @contextmanager
     def _sent(self, asked: Asked, *names: str) -> Iterator[tuple[dict[str, Path], dict[str, str]]]:
@@ -619,7 +581,7 @@ class Pages:
         if stored.is_pending:
             good_for = (f"It is {snapshot.only_proposed(stored.path).lacks}.",)
         if stored.entry.is_usable:
-            good_for = (*_good_for(fleet.use_of(stored)), *_program_flags(K))
+            good_for = (*use_blocks(fleet.use_of(stored)), *_program_flags(K))
             decide = (Section(title="Decide", blocks=(retirement_form(id_, stored.oid or ""),)),)
         compare = Link("Compare it with another state of it, or a file", f"/compare?{urlencode({'b': id_})}")
         command = self._command("registry", "show", id_)
@@ -692,18 +654,6 @@ def _known(cameras: Sequence[KnownCamera]) -> Section:
         title="In the catalogue",
         blocks=(told, *cut_table("Types of camera", columns, rows, most=MOST_ENTRIES, rest="the catalogue")),
     )
-
-
-def _of_possible(one: PossibleK) -> Iterator[tuple[str, str]]:
-    K = one.intrinsics
-    yield "how", "; ".join(one.steps) or "of this size"
-    yield "K, if so", ", ".join(f"{name} {getattr(K, name):.2f} px" for name in ("fx", "fy", "cx", "cy"))
-
-
-def _good_for(found: Allowed) -> Iterator[Block]:
-    said = f"{USES[found.use.value]}: {found.why}."
-    yield KeyValues((("use", Badge(found.use.value, Tone.GOOD if found.use == "fixed" else Tone.CAUTION)),))
-    yield said
 
 
 def _for_programs(files: Sequence[Download], query: str) -> Iterator[Block]:

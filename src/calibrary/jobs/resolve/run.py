@@ -15,10 +15,10 @@ from calibrary.calibration import Calibration, CameraKey, ImageSize, Intrinsics
 from calibrary.catalogue import identified, load_catalogue, overlay
 from calibrary.errors import AmbiguousCameraError, InputError, UnknownCameraError, first_of
 from calibrary.evidence.metadata import ImageMetadata
-from calibrary.interop.notebook import html_table
 from calibrary.jobs.layers import AskedLayer, Layer, LayerKind, Layers
 from calibrary.jobs.resolve import names_image
 from calibrary.jobs.use import Allowed
+from calibrary.pages.notebook import in_notebook
 from calibrary.policy import FLEET, Policy
 from calibrary.records import Json, Record, from_json, replace
 from calibrary.registry.entry import Entry, Status
@@ -175,14 +175,7 @@ class FleetAnswer(Record, tag_field="schema", tag="calibrary/resolution-1"):
 
     def _repr_html_(self) -> str:
         """The answer and its K as HTML, for notebooks."""
-        found = self.calibration
-        rows = [("entry", self.entry.id if self.entry is not None else self.registry if found else "none")]
-        rows += [("status", self.status.value)] if self.status is not None else []
-        rows += [("use", f"{self.use}: {self.use_reason}")] if self.use is not None else []
-        rows += [("why", self.why or "; ".join(f"{one.path}: {one.reason}" for one in self.near[:3]))]
-        rows += [("disagrees", text) for text in self.disagreements]
-        answer = html_table(f"{self.camera}, on {self.on}", rows)
-        return answer + (found._repr_html_() if found is not None else "")
+        return in_notebook(self)
 
 
 def resolved(
