@@ -24,8 +24,10 @@ OF_ONE = {
     "calibrary registry audit": {"explain"},
     "calibrary registry show": {"yaml"},
     "calibrary registry set": {"words"},
+    "calibrary registry add": {"sync"},
+    "calibrary registry approve": {"sync"},
 }
-"""Another form of what is printed, or of where images are; which of a command's two jobs is done; keys and changes, by
+"""Another form of what is printed, or of where images are; which of a command's jobs are done; keys and changes, by
 their form."""
 
 COMMANDS = {leaf.prog: leaf for leaf in leaves(build_parser())}

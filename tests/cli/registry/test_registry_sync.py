@@ -21,7 +21,8 @@ from calibrary.registry.proposals import propose, save
 from calibrary.registry.registry import Registry
 from calibrary.schemas import require
 from tests.cli.registry.direct import put, put_bytes
-from tests.cli.registry.fleets import P4R, commit_of, held, printed, run
+from tests.cli.registry.fleets import CAMERA, P4R, commit_of, held, printed, run, xml
+from tests.cli.registry.test_registry_approvals import asks, by
 from tests.registry.entries import an_entry
 from tests.registry.git.repositories import git, packed, seclude
 
@@ -529,3 +530,49 @@ class TestStatements:
         run(capsys, "sync")
         assert run(capsys, "sync", "--theirs", "p4r-01", "--registry", twin)[0] == 0
         assert held(twin, key).entry.tolerance == 0.01
+
+
+def test_a_new_unit_with_two_approvals_reaches_everybody_with_three_commands(
+    fleet: Path,
+    twin: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    third = tmp_path / "third"
+    assert asks(fleet, "approvals: {count: 2}\n", capsys)[0] == 0
+    assert main(["registry", "sync"]) == 0
+    assert main(["registry", "init", str(third), "--remote", str(tmp_path / "remote.git")]) == 0
+    unit = [*CAMERA, "--serial", "0V2LG3H0", "--label", "P4R-03"]
+
+    assert main(["registry", "add", str(xml(tmp_path / "a.xml")), *unit, "--approve", "--sync", "--yes"]) == 0
+    by(monkeypatch, "Bob")
+    assert main(["registry", "approve", "P4R-03", "--sync", "--yes", "--registry", str(twin)]) == 0
+    assert main(["registry", "sync", "--registry", str(third)]) == 0
+
+    assert held(third, "P4R-03").entry.is_usable
+    assert {git(place, "rev-parse", "HEAD") for place in (twin, third)} == {
+        git(tmp_path / "remote.git", "rev-parse", "main")
+    }
+
+
+@pytest.mark.usefixtures("twin")
+def test_nothing_is_written_where_the_exchange_before_it_fails(fleet: Path, tmp_path: Path) -> None:
+    shutil.rmtree(tmp_path / "remote.git")
+    before = git(fleet, "rev-parse", "HEAD")
+    assert main(["registry", "add", str(xml(tmp_path / "a.xml")), *CAMERA, "--sync", "--yes"]) == 4
+    assert git(fleet, "rev-parse", "HEAD") == before
+
+
+@pytest.mark.usefixtures("twin")
+def test_what_cannot_be_sent_stays_written(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    hook = tmp_path / "remote.git/hooks/pre-receive"
+    hook.parent.mkdir(exist_ok=True)
+    hook.write_text("#!/bin/sh\nexit 1\n")
+    hook.chmod(0o755)
+    add = (str(xml(tmp_path / "a.xml")), *CAMERA, "--serial", "0V2LG3H0", "--label", "P4R-03")
+    code, _, err = run(capsys, "add", *add, "--approve", "--sync", "--yes")
+    assert (code, "not sent" in err) == (4, True)
+    assert held(fleet, "P4R-03").entry.is_usable

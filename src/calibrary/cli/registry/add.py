@@ -10,6 +10,7 @@ from calibrary.cli.flags import call
 from calibrary.cli.progress import Bar
 from calibrary.cli.registry import OfRegistry, where
 from calibrary.cli.registry.changes import YES, agreed, decide
+from calibrary.cli.registry.sync import SYNC, between_syncs
 from calibrary.jobs.fleet import Fleet
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ examples:
   calibrary registry add cameras.txt --camera 2 --sub-camera ''    the second camera, without the file's own number
   calibrary registry add cameras/dji/fc6310r/5472x3648.yaml --reason "focus was re-set"
   calibrary registry add camera.xml --serial 0V2LG3H0 --label P4R-03      of one unit, with your name for it
+  calibrary registry add camera.xml --approve --sync        approves it as you, and sends it to the others
   calibrary registry add camera.xml --branch new-lens       for a pull request
   calibrary registry add lab-results/ --yes                 every calibration file below a folder, in one commit
   calibrary registry add catalogue                          every known camera with a K that can be derived, as drafts
@@ -42,6 +44,10 @@ none could be added). A second run changes nothing. ./catalogue is a file or fol
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
+    return between_syncs(arguments, _add)
+
+
+def _add(arguments: argparse.Namespace) -> int:
     from calibrary.cli.console import note
 
     remarks = note(arguments)
@@ -91,5 +97,5 @@ COMMAND = OfRegistry(
     run=run,
     positional={"source": "FILE|DIR|catalogue"},
     spelled={"notes": "--note", "tags": "--tag"},
-    switches=YES,
+    switches=YES | SYNC,
 )

@@ -9,6 +9,7 @@ from calibrary.cli.commands import print_json
 from calibrary.cli.flags import call
 from calibrary.cli.registry import OfRegistry, opened, where
 from calibrary.cli.registry.changes import agreed, can_ask, decide, screen_of_change
+from calibrary.cli.registry.sync import SYNC, between_syncs
 from calibrary.jobs.fleet import Fleet
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ examples:
   calibrary registry approve fc6310r                                  shows what changes, and asks
   calibrary registry approve fc6310r --digest 5d0c82e16a3b            only the file that 'add' or 'show' printed
   calibrary registry approve fc6310r@1f3a9c2                          the proposal of that commit
+  calibrary registry approve fc6310r --sync                           fetches before it shows, and sends what it wrote
   calibrary registry approve registry.yaml                            who may approve from now on
   calibrary registry approve --from onboard/dji-fc6310r               all that 'calibrary onboard' proposed there
 
@@ -33,6 +35,10 @@ camera needs --force and a --reason, and stays marked.
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
+    return between_syncs(arguments, _approve)
+
+
+def _approve(arguments: argparse.Namespace) -> int:
     if RULES in arguments.keys:
         return _approve_rules(arguments)
     change = call(opened(arguments).propose_approval, arguments)
@@ -97,5 +103,5 @@ COMMAND = OfRegistry(
     positional={"keys": "KEY"},
     spelled={"source": "--from", "digests": "--digest"},
     without=("approve", "branch"),
-    switches={"--yes -y": "approve what is proposed now, without asking"},
+    switches={"--yes -y": "approve what is proposed now, without asking"} | SYNC,
 )

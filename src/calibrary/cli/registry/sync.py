@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from calibrary.cli.commands import print_json
 from calibrary.cli.flags import call
@@ -13,6 +13,8 @@ from calibrary.cli.tables import Column, fitted
 from calibrary.jobs.fleet import Fleet
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from calibrary.cli.console import Screen
     from calibrary.jobs.fleet import EntryConflict, SyncReport
 
@@ -51,13 +53,40 @@ def run(arguments: argparse.Namespace) -> int:
     with remarks.status(escape(f"syncing with {arguments.remote or 'origin'}")):
         done = call(registry.sync, arguments, told=told)
     if done.branch is None:
-        _show_pulled(out(arguments), done)
-        _show_sent(out(arguments), done)
+        _show_exchanged(out(arguments), done)
     else:
         _show_proposed(out(arguments), done)
     if arguments.json:
         print_json(done)
     return 0 if done.is_good else EXIT_REGISTRY
+
+
+SYNC: Final = {"--sync": "fetch the commits of others first, and send the own ones afterwards"}
+"""The flag of a command that changes the registry between two exchanges."""
+
+
+def between_syncs(arguments: argparse.Namespace, act: Callable[[argparse.Namespace], int]) -> int:
+    """Change the registry, and exchange commits before and after it, if the user wants that; the exit code.
+
+    What was written and cannot be sent stays here.
+    """
+    if not arguments.sync:
+        return act(arguments)
+    return _synced(arguments) or act(arguments) or _synced(arguments)
+
+
+def _synced(arguments: argparse.Namespace) -> int:
+    from calibrary.cli.console import out
+
+    done = opened(arguments).sync()
+    _show_exchanged(out(arguments), done)
+    return 0 if done.is_good else EXIT_REGISTRY
+
+
+def _show_exchanged(screen: Screen, done: SyncReport) -> None:
+    """Show what came from the remote, and what it got."""
+    _show_pulled(screen, done)
+    _show_sent(screen, done)
 
 
 def _show_pulled(screen: Screen, done: SyncReport) -> None:
