@@ -16,8 +16,8 @@ from msgspec import Struct
 
 from calibrary.calibration import Calibration, CameraKey, Provenance, SourceFile
 from calibrary.errors import AmbiguousEntryError, InputError, RegistryError
-from calibrary.evidence.frame import Adapted, adapt
 from calibrary.evidence.metadata import ImageMetadata
+from calibrary.evidence.readings import Reading, usual
 from calibrary.image_size import same_aspect
 from calibrary.known_camera import match_key, normalise_sub_camera
 from calibrary.records import Record, replace
@@ -108,9 +108,8 @@ class Resolution(Struct, frozen=True, kw_only=True):
         """The entry's calibration at the image size at which it was measured; its provenance is the entry."""
         own = noted(self.entry)
         K = own.intrinsics
-        as_it_is = Adapted(intrinsics=K, reference_size=K.image_size)
         camera = replace(self.calibration.camera, image_size=K.image_size)
-        return replace(own, camera=camera, provenance=_behind(self.path, own.provenance, as_it_is))
+        return replace(own, camera=camera, provenance=_behind(self.path, own, Reading(intrinsics=K)))
 
 
 def resolve(
@@ -390,7 +389,7 @@ class EntryMatch(Struct, frozen=True, kw_only=True):
 
     path: str
     entry: Entry
-    adapted: Adapted
+    adapted: Reading
     states: tuple[str, ...]
     alias: bool
     rank: Rank
@@ -398,7 +397,7 @@ class EntryMatch(Struct, frozen=True, kw_only=True):
     def calibration(self, key: CameraKey) -> Calibration:
         """Return the entry's calibration for the camera; the provenance is the entry and its source."""
         calibration, adapted = noted(self.entry), self.adapted
-        quality, (width, height) = calibration.quality, adapted.reference_size
+        quality, (width, height) = calibration.quality, calibration.intrinsics.image_size
         size = adapted.intrinsics.image_size
         if quality is not None and adapted.steps and same_aspect((width, height), size):
             quality = quality.scaled(size[0] / width, size[1] / height)
@@ -407,7 +406,7 @@ class EntryMatch(Struct, frozen=True, kw_only=True):
             camera=replace(key, image_size=size),
             intrinsics=adapted.intrinsics,
             quality=quality,
-            provenance=_behind(self.path, calibration.provenance, adapted),
+            provenance=_behind(self.path, calibration, adapted),
         )
 
 
@@ -432,7 +431,7 @@ def match_entry(
         return f"it is valid {entry.validity}, not on {on}"
     K = entry.calibration.intrinsics
     try:
-        adapted = adapt(K, ImageMetadata(size=key.image_size or K.image_size))
+        adapted = usual(K, ImageMetadata(size=key.image_size or K.image_size))
     except InputError as error:
         return error.message
     return EntryMatch(
@@ -565,9 +564,9 @@ def _states(entry: Entry) -> tuple[str, ...]:
     return tuple(text for text in said if text is not None)
 
 
-def _behind(path: str, made: Provenance, adapted: Adapted) -> Provenance:
+def _behind(path: str, own: Calibration, adapted: Reading) -> Provenance:
     """Return the provenance: the entry, with what it states about its own origin."""
-    files = made.sources
+    made, files = own.provenance, own.provenance.sources
     if not files and made.source is not None and made.sha256 is not None:
         files = (SourceFile(name=made.source, sha256=made.sha256),)
     stated = (made.kind, made.source, made.tag)
@@ -576,9 +575,9 @@ def _behind(path: str, made: Provenance, adapted: Adapted) -> Provenance:
         kind="registry",
         source=path,
         tag=" ".join(text for text in stated if text is not None),
-        reference_size=adapted.reference_size,
+        reference_size=own.intrinsics.image_size,
         adaptation="; ".join(text for text in (made.adaptation, *adapted.steps) if text) or None,
-        assumptions=(*made.assumptions, *adapted.assumptions),
+        assumptions=(*made.assumptions, *adapted.assumes),
         sha256=None,
         sources=files,
     )

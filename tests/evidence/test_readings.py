@@ -5,9 +5,8 @@ from __future__ import annotations
 import pytest
 
 from calibrary.calibration import Intrinsics
-from calibrary.evidence.frame import TURNED
 from calibrary.evidence.metadata import ImageMetadata
-from calibrary.evidence.readings import CENTRED, NOTHING_CUT, Prior, Reading, readings
+from calibrary.evidence.readings import CENTRED, NOTHING_CUT, TURNED, Prior, Reading, readings
 
 FULL = Intrinsics(fx=3660.0, fy=3655.0, cx=2731.5, cy=1846.75, image_size=(5472, 3648))
 

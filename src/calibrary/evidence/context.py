@@ -12,8 +12,9 @@ from msgspec import Struct
 from calibrary.calibration import Grade, ImageSize, Intrinsics
 from calibrary.distortion import AnyDistortion, Distortion, FisheyePolynomial
 from calibrary.errors import FrameError, InputError
-from calibrary.evidence.frame import adapt, files_frame
+from calibrary.evidence.frame import files_frame
 from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata, as_float
+from calibrary.evidence.readings import usual
 from calibrary.known_camera import KnownCamera, Projection, SensorWidth
 from calibrary.records import Record, replace
 
@@ -171,11 +172,15 @@ class Dropped(Record):
         source: which kind of source.
         tag: name of the tag, as users know it.
         reason: what was found and why it cannot belong to this image.
+        is_open: whether it may belong to it, and only what part of its frame the image shows is unknown.
     """
+
+    _unwritten = frozenset({"is_open"})
 
     source: Source
     tag: str
     reason: str
+    is_open: bool = False
 
 
 Finding = SourceEstimate | Dropped
@@ -344,12 +349,13 @@ class Scene(Struct, frozen=True, kw_only=True):
         if self._holds_zoom(source, intrinsics):
             written = replace(written, digital_zoom=None)
         try:
-            adapted = adapt(intrinsics, written)
-        except (FrameError, InputError) as error:
-            return Dropped(source=source, tag=tag, reason=error.message)
-        if adapted.is_turned and distortion is not None and not _is_radial(distortion):
+            read = usual(intrinsics, written)
+        except InputError as error:
+            is_open = isinstance(error, FrameError)
+            return Dropped(source=source, tag=tag, reason=error.message, is_open=is_open)
+        if read.is_turned and distortion is not None and not _is_radial(distortion):
             distortion = None
-        K, (low, high) = adapted.intrinsics, POSSIBLE_OVER_WIDTH
+        K, (low, high) = read.intrinsics, POSSIBLE_OVER_WIDTH
         over_width = [focal / K.image_size[0] for focal in (K.fx, K.fy)]
         if not low <= min(over_width) <= max(over_width) <= high:
             found = " and ".join(f"{value:.3g}" for value in over_width)
@@ -359,12 +365,12 @@ class Scene(Struct, frozen=True, kw_only=True):
             source=source,
             tag=tag,
             grade=grade,
-            intrinsics=adapted.intrinsics,
+            intrinsics=K,
             distortion=distortion,
-            measured_centre=measured_centre and not adapted.is_turned,
-            reference_size=adapted.reference_size,
-            steps=adapted.steps,
-            assumptions=(*assumptions, *adapted.assumptions),
+            measured_centre=measured_centre and not read.is_turned,
+            reference_size=intrinsics.image_size,
+            steps=read.steps,
+            assumptions=(*assumptions, *read.assumes),
             tolerance=tolerance,
             is_whole=not self.is_fisheye or isinstance(distortion, FisheyePolynomial),
             stated=intrinsics,

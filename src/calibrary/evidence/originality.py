@@ -17,13 +17,15 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from enum import IntEnum, StrEnum
 from functools import lru_cache
 from typing import Final, NamedTuple
 
 from msgspec import Struct
 
+from calibrary.calibration import Calibration
+from calibrary.distortion import NoDistortion
 from calibrary.evidence.frame import exif_contradiction
 from calibrary.evidence.metadata import Encoding, ImageMetadata
 from calibrary.image_size import ImageSize, same_aspect
@@ -62,6 +64,24 @@ class Originality(Struct, frozen=True, kw_only=True):
 
 
 ORIGINAL: Final = Originality()
+
+
+def not_described(K: Calibration, size: ImageSize, images: Sequence[Originality]) -> Iterator[Originality]:
+    """Those of some images that a program changed since, so that a K which was measured on others may not be theirs.
+
+    A K of their very size describes their frame, as far as that shows, but not if they state a crop themselves, nor a
+    lens that was corrected since, unless it has no distortion and all of them were.
+
+    Args:
+        K: at the image size at which it was measured.
+        size: of the images.
+        images: what is known of them.
+    """
+    is_of_size = K.intrinsics.image_size == size
+    is_of_corrected = isinstance(K.distortion, NoDistortion) and all(one.lens_corrected for one in images)
+    for one in images:
+        if one.done and (not is_of_size or one.moved or (one.lens_corrected and not is_of_corrected)):
+            yield one
 
 
 class Writing(NamedTuple):

@@ -13,7 +13,8 @@ from typing import Final
 from msgspec import Struct
 
 from calibrary.calibration import ImageSize, Intrinsics
-from calibrary.evidence.frame import CROP_SLACK_PX, TURNED
+from calibrary.errors import FrameError
+from calibrary.evidence.frame import CROP_SLACK_PX, files_frame, leads
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.image_size import same_aspect
 from calibrary.records import replace
@@ -22,6 +23,9 @@ WHOLE: Final = 0.01
 """Largest difference of a factor from a whole number, if pixels were joined."""
 MOST_JOINED: Final = 8
 
+RESIZED: Final = "the image was resized, not cropped"
+"""Assumption made when a size in EXIF, or a focal plane, belongs to the same image at another scale."""
+TURNED: Final = "which way the image was turned is not stated: the principal point is taken in the middle"
 CENTRED: Final = "the crop is centred"
 NOTHING_CUT: Final = "nothing was cut off the frame"
 
@@ -49,6 +53,7 @@ class Reading(Struct, frozen=True, kw_only=True):
         assumes: what it takes for granted, in words.
         is_scaled: whether it is the whole frame at another scale.
         is_cut: whether a part of the frame is left whose pixels are as they were.
+        is_turned: whether the image is turned by 90°, so that a distortion that is not radial is not the image's.
     """
 
     intrinsics: Intrinsics
@@ -58,11 +63,12 @@ class Reading(Struct, frozen=True, kw_only=True):
     assumes: tuple[str, ...] = ()
     is_scaled: bool = False
     is_cut: bool = False
+    is_turned: bool = False
 
     @property
     def centre_is_assumed(self) -> bool:
         """Whether the principal point is where it would be if the crop were centred, or the image not turned."""
-        return bool({CENTRED, TURNED} & {*self.assumes})
+        return self.is_turned or CENTRED in self.assumes
 
 
 def readings(K: Intrinsics, metadata: ImageMetadata) -> tuple[Reading, ...]:
@@ -82,6 +88,59 @@ def readings(K: Intrinsics, metadata: ImageMetadata) -> tuple[Reading, ...]:
         found = [_turned(one, size) for one in _ways(K, size[::-1], metadata)]
     order = [*Prior]
     return tuple(sorted(found, key=lambda one: order.index(one.prior)))
+
+
+def usual(K: Intrinsics, metadata: ImageMetadata) -> Reading:
+    """The reading of a tag's K for its image: scaled, or with one side cut, through the size that EXIF states.
+
+    Digital zoom is applied if the camera enlarged the zoomed part back to the full image size.
+
+    Raises:
+        FrameError: no such reading brings one image size to the other.
+    """
+    size, exif_size = metadata.size, metadata.exif_size
+    is_resized = exif_size is not None and exif_size != size and same_aspect(exif_size, size)
+    read = _zoomed(K, metadata)
+    if is_resized and metadata.whole_frame is not True:
+        read = replace(read, assumes=(RESIZED, *read.assumes))
+    found = _then(read, size)
+    if found is None and exif_size is not None and exif_size != size and leads(exif_size, size):
+        written = _then(read, exif_size)
+        found = _then(written, size) if written is not None else None
+    if found is None:
+        raise FrameError(_which_part(K, metadata))
+    return found
+
+
+def _then(read: Reading, size: ImageSize) -> Reading | None:
+    """A reading, and then what usually brings its size to another; None if nothing does."""
+    K = read.intrinsics
+    for target in (size, size[::-1]):
+        one = next(_ways(K, target, ImageMetadata(size=target)), None)
+        if one is None or (one.prior is Prior.POSSIBLE and not one.is_scaled):
+            continue
+        one = replace(one, assumes=tuple(text for text in one.assumes if text != NOTHING_CUT))
+        if target != size:
+            is_centred = (K.cx, K.cy) == (K.image_size[0] / 2, K.image_size[1] / 2)
+            turned = _turned(one, size)
+            one = replace(turned, assumes=one.assumes) if is_centred else turned
+        return replace(one, steps=(*read.steps, *one.steps), assumes=(*read.assumes, *one.assumes))
+    return None
+
+
+def _which_part(K: Intrinsics, metadata: ImageMetadata) -> str:
+    """What a K would be by each part of its frame that the image may show, and how to say which it is."""
+    ways = [one for one in readings(K, metadata) if one.factor >= 1.0]
+    if not ways:
+        return f"no part of {_x(K.image_size)} is {_x(metadata.size)}; register the camera at this size"
+    largest = max(ways, key=lambda one: one.factor)
+    told = " or ".join(
+        f"fx = {one.intrinsics.fx:.1f} px if {', '.join(one.steps)}"
+        for one in ways
+        if one is largest or one.is_cut
+    )
+    sizes = f"which part of its {_x(K.image_size)} the image of {_x(metadata.size)} shows is not stated"
+    return f"{sizes}: {told}; register the camera at this size, or give the right K (--fallback-k)"
 
 
 def _is_upright(size: ImageSize) -> bool | None:
@@ -154,6 +213,37 @@ def _turned(one: Reading, size: ImageSize) -> Reading:
         steps=(*one.steps, f"turned {_x(size[::-1])} → {_x(size)}"),
         prior=Prior.USUAL if one.prior is Prior.CERTAIN else one.prior,
         assumes=(*(text for text in one.assumes if text != CENTRED), TURNED),
+        is_turned=True,
+    )
+
+
+def _zoomed(K: Intrinsics, metadata: ImageMetadata) -> Reading:
+    """K with the digital zoom of the image.
+
+    If the camera enlarges the zoomed part back to the full image size, the focal length in px is multiplied by the
+    zoom; if it writes the part as it is, that is a 1:1 crop.
+    """
+    zoom = metadata.zoom
+    if zoom <= 1.0:
+        return Reading(intrinsics=K)
+    width, height = K.image_size
+    written = files_frame(metadata)
+    if abs(written[0] * zoom / width - 1.0) <= 0.02 and abs(written[1] * zoom / height - 1.0) <= 0.02:
+        box = ((width - written[0]) / 2, (height - written[1]) / 2, *written)
+        step = f"cropped {_x(K.image_size)} → {_x(written)} by {zoom:g}× digital zoom"
+        return Reading(intrinsics=K.cropped(box), steps=(step,), assumes=(CENTRED,))
+    enlarged = replace(
+        K,
+        fx=K.fx * zoom,
+        fy=K.fy * zoom,
+        cx=width / 2 + (K.cx - width / 2) * zoom,
+        cy=height / 2 + (K.cy - height / 2) * zoom,
+        skew=K.skew * zoom,
+    )
+    return Reading(
+        intrinsics=enlarged,
+        steps=(f"enlarged {zoom:g}× by digital zoom",),
+        assumes=("digital zoom was enlarged back to the full image size, about its centre",),
     )
 
 

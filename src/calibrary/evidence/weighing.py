@@ -21,9 +21,10 @@ from calibrary.dates import iso_date
 from calibrary.distortion import NoDistortion
 from calibrary.evidence import camera_namespace, dji, optics, skydio
 from calibrary.evidence.context import AGREEMENT, UNCONFIRMED, Dropped, Scene, Source, SourceEstimate
-from calibrary.evidence.frame import RESIZED, files_frame
+from calibrary.evidence.frame import files_frame
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.evidence.originality import has_lens_correction, no_frame
+from calibrary.evidence.readings import RESIZED
 from calibrary.records import replace
 
 SOURCES = (dji, camera_namespace, skydio, optics)

@@ -202,7 +202,7 @@ def compared(survey: Survey | None, chosen: str | None) -> tuple[FlownSource, ..
     )
 
 
-def disagreements(answer: Answer, survey: Survey | None, policy: Policy) -> Iterator[Finding]:
+def disagreements(answer: Answer, survey: Survey | None) -> Iterator[Finding]:
     """Findings where the images contradict the entry that applies to them."""
     if survey is None or answer.resolution is None:
         return
@@ -213,7 +213,7 @@ def disagreements(answer: Answer, survey: Survey | None, policy: Policy) -> Iter
         if one.rule in RULES and one.severity is not Severity.PASS:
             yield _about(answer, Rule.UNLIKELY, Severity.ERROR, one.message, one.remedy)
     if weighed.settled is not Settled.AMBIGUOUS:
-        yield from _contradictions(answer, answer.resolution, weighed, policy)
+        yield from _contradictions(answer, weighed)
 
 
 def _about(
@@ -274,7 +274,7 @@ def _frame(answer: Answer, found: Resolution, weighed: Weighed) -> Iterator[Find
     yield _about(answer, Rule.SIZE, Severity.WARNING, f"{sizes}, so its K is taken over: {how}", remedy)
 
 
-def _contradictions(answer: Answer, found: Resolution, weighed: Weighed, policy: Policy) -> Iterator[Finding]:
+def _contradictions(answer: Answer, weighed: Weighed) -> Iterator[Finding]:
     """Findings on what the images state against their entry.
 
     What extract would use against the entry is drift. Of another unit than the entry's it is a note, because units of
@@ -286,7 +286,7 @@ def _contradictions(answer: Answer, found: Resolution, weighed: Weighed, policy:
     )
     if first is not None:
         # The other sources are not reported besides: the one that extract would use is against the entry already.
-        yield _drifted(answer, found, first, weighed, policy)
+        yield _drifted(answer, first)
         return
     for one in weighed.against:
         cause = answer.flown.camera.evidence.cause(one.one.claim.name)
@@ -299,19 +299,14 @@ def _contradictions(answer: Answer, found: Resolution, weighed: Weighed, policy:
         )
 
 
-def _drifted(
-    answer: Answer, found: Resolution, against: Against, weighed: Weighed, policy: Policy
-) -> Finding:
+def _drifted(answer: Answer, against: Against) -> Finding:
     """Finding on the K of images that is not that of their entry."""
-    own, serial = answer.flown.camera.calibration, found.entry.calibration.camera.serial
-    is_one_unit = own is not None and own.camera.serial is not None and own.camera.serial == serial
-    is_far = abs(gap(against.one, weighed.ways[0])) > tolerance_of(found.entry, policy)
-    is_sure = is_one_unit or is_far or not against.one.claim.is_measured
-    whose = "" if is_sure else "; the entry is not known to be of this unit, and units of a model differ"
+    whose = "; the entry is not known to be of this unit, and units of a model differ"
+    whose = "" if against.is_sure else whose
     return _about(
         answer,
-        Rule.DRIFT if is_sure else Rule.UNITS,
-        Severity.ERROR if is_sure else Severity.NOTE,
+        Rule.DRIFT if against.is_sure else Rule.UNITS,
+        Severity.ERROR if against.is_sure else Severity.NOTE,
         f"{against.message}{whose}",
         f"calibrary diff {answer.entry_id} {quote(str(answer.flown.example))}",
     )
@@ -354,7 +349,8 @@ def _units(key: CameraKey, by_serial: dict[str, Answer], policy: Policy) -> Iter
         place=entry,
         message=f"{len(by_serial)} units, and {shared}: {'; '.join(apart[:4])}"
         + (f"; and {len(apart) - 4} more" if len(apart) > 4 else ""),
-        remedy="give each unit an entry of its own: calibrary registry add IMAGE, with an image of each",
+        remedy="give each unit an entry of its own: calibrary registry add "
+        f"{quote(str(first[1].flown.example))}, and so an image of each",
     )
 
 

@@ -77,7 +77,7 @@ def audit(
     findings = [answer.finding for answer in answers if answer.finding is not None]
     for answer in answers:
         survey = answer.survey(policy)
-        findings += disagreements(answer, survey, policy)
+        findings += disagreements(answer, survey)
         cameras.append(_camera(answer, survey, policy))
     units_apart = [*unit_findings(answers, policy)]
     # Where several units differ from one another, that says more than how each differs from their one entry.

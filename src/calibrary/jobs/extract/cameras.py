@@ -8,12 +8,19 @@ from collections.abc import Mapping, Sequence
 from msgspec import Struct
 
 from calibrary.calibration import Calibration, CameraKey, Grade, Intrinsics
-from calibrary.distortion import NoDistortion
 from calibrary.errors import RegistryError
 from calibrary.evidence.context import Dropped
 from calibrary.evidence.identity import camera_key, firmware
 from calibrary.evidence.metadata import ImageMetadata
-from calibrary.evidence.originality import ORIGINAL, Originality, Pixels, no_frame, originality, usual_of
+from calibrary.evidence.originality import (
+    ORIGINAL,
+    Originality,
+    Pixels,
+    no_frame,
+    not_described,
+    originality,
+    usual_of,
+)
 from calibrary.evidence.weighing import Evidence
 from calibrary.jobs.extract.knowledge import Knowledge, Known
 from calibrary.jobs.images.accumulator import ByDay, Flight, Names
@@ -140,25 +147,9 @@ class Camera(Struct, frozen=True, kw_only=True):
         return tuple(found.items())
 
     def doubt(self, own: Calibration) -> str | None:
-        """Why a K that was measured elsewhere may not be of these images: a program changed them; None if none did.
-
-        A K of their very size describes their frame, as far as that shows, but not if they state a crop themselves, nor
-        a lens that was corrected since, unless it has no distortion and all of them were.
-
-        Args:
-            own: at the image size at which it was measured.
-        """
-        changed = [one for one in self.states if one.original.done]
-        if own.intrinsics.image_size == self.states[0].metadata.size:
-            is_of_corrected = isinstance(own.distortion, NoDistortion) and all(
-                one.original.lens_corrected for one in self.states
-            )
-            changed = [
-                one
-                for one in changed
-                if one.original.moved or (one.original.lens_corrected and not is_of_corrected)
-            ]
-        done = {f"the image was {edit}" for one in changed for edit in one.original.done}
+        """Why a K that was measured elsewhere may not be of these images: a program changed them; None if none did."""
+        changed = not_described(own, self.states[0].metadata.size, [one.original for one in self.states])
+        done = {f"the image was {edit}" for one in changed for edit in one.done}
         return next((told for edit, told in edits_of(self.states).items() if edit in done), None)
 
     def survey(self, policy: Policy, *claims: Claim) -> Survey:

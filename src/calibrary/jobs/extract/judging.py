@@ -8,7 +8,8 @@ its K, and their number is reported.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -48,6 +49,7 @@ def judge(
     policy: Policy,
     sensor: Sensor,
     one_unit: bool = False,
+    root: Path | None = None,
 ) -> tuple[Camera, ...]:
     """Choose the K of the images with one key and validate it against the policy.
 
@@ -57,6 +59,7 @@ def judge(
         policy: the limits.
         sensor: used if neither the images nor the catalogue state one.
         one_unit: whether the images are known to be from one unit, whatever their metadata.
+        root: folder that the images' names are relative to.
 
     Returns:
         One camera; or several, best K first, if some images lack tags of others and nothing proves one unit.
@@ -65,7 +68,16 @@ def judge(
     one_unit = one_unit or _is_one_unit(key, states)
     parts = [heard] if one_unit else _by_grade(heard)
     edited = edits_of(states)
-    first, *others = (_camera(key, part, policy, edited, one_unit=one_unit) for part in parts)
+
+    def report(one: Heard, carrier: Heard, K: Calibration) -> Report:
+        """Judge some images by all that is known of them; those that lack tags of others have the K of these."""
+        state, evidence = one
+        edits = [edited.get(edit, edit) for edit in own_edits(evidence, state.original)]
+        entry, name = state.known.resolution or carrier[0].known.resolution, state.names[0]
+        image = str(root / name) if root is not None else name
+        return judged_by(K, carrier[1], evidence, entry, edits, policy, image)
+
+    first, *others = (_camera(key, part, policy, report, one_unit=one_unit) for part in parts)
     return first, *(_apart_from(first, camera) for camera in others)
 
 
@@ -125,7 +137,12 @@ def _by_grade(heard: Sequence[Heard]) -> list[list[Heard]]:
 
 
 def _camera(
-    key: CameraKey, heard: Sequence[Heard], policy: Policy, edited: dict[str, str], *, one_unit: bool
+    key: CameraKey,
+    heard: Sequence[Heard],
+    policy: Policy,
+    report: Callable[[Heard, Heard, Calibration], Report],
+    *,
+    one_unit: bool,
 ) -> Camera:
     """Make one camera. Its K is that of an image, never an average.
 
@@ -160,10 +177,9 @@ def _camera(
             state=one[0],
             evidence=one[1],
             calibration=made,
-            report=judged_by(made, one[1], one[1], one[0].known.resolution, _edits(one, edited), policy),
+            report=report(one, one, made) if made is not None else report(one, reference, calibration),
+            inherits=made is None,
         )
-        if made is not None
-        else _inheriting(one, reference, calibration, policy, edited)
         for one, made in zip(heard, own, strict=True)
     )
     chosen = next(one for one in judged if one.state is reference[0])
@@ -180,20 +196,6 @@ def _camera(
 
 def _own_calibration(key: CameraKey, state: State, evidence: Evidence) -> Calibration | None:
     return evidence.calibration(key, source_name=state.names[0].rsplit("/", 1)[-1])
-
-
-def _edits(one: Heard, edited: dict[str, str]) -> tuple[str, ...]:
-    """What was done to images since the camera wrote them, with their number."""
-    return tuple(edited.get(edit, edit) for edit in own_edits(one[1], one[0].original))
-
-
-def _inheriting(
-    one: Heard, reference: Heard, calibration: Calibration, policy: Policy, edited: dict[str, str]
-) -> JudgedState:
-    """Judge a state of the same unit that lacks tags of others: their K, compared with this state's own claims."""
-    entry = one[0].known.resolution or reference[0].known.resolution
-    report = judged_by(calibration, reference[1], one[1], entry, _edits(one, edited), policy)
-    return JudgedState(state=one[0], evidence=one[1], report=report, inherits=True)
 
 
 def _merged(
@@ -348,14 +350,15 @@ def _dated(key: CameraKey, states: Sequence[State]) -> CameraKey:
 
 
 def _no_k(key: CameraKey, state: State, evidence: Evidence) -> Finding:
-    """Why there is no K, and what to do; that nobody states the sensor is no fault of the images."""
-    known, metadata = state.known.camera, state.metadata
-    is_odd = bool(evidence.dropped) or evidence.scene.is_fisheye
-    if metadata.focal_mm is not None and known is None and not is_odd:
+    """Why there is no K, and what to do; that nobody states the sensor, or its part, is no fault of the images."""
+    known, metadata, dropped = state.known.camera, state.metadata, evidence.dropped
+    if metadata.focal_mm is not None and known is None and not (dropped or evidence.scene.is_fisheye):
         why, what_to_do = SENSOR_UNKNOWN, f"{name_sensor(key)}, {GIVE_K}"
         return Finding(rule=SENSOR_STATED, severity=Severity.UNPROVEN, message=why, remedy=what_to_do)
     why, what_to_do = _why_no_k(state, evidence)
-    return Finding(rule=NO_K, severity=Severity.ERROR, message=why, remedy=what_to_do)
+    is_open = bool(dropped) and all(one.is_open for one in dropped)
+    severity = Severity.UNPROVEN if is_open else Severity.ERROR
+    return Finding(rule=NO_K, severity=severity, message=why, remedy=what_to_do)
 
 
 def _why_no_k(state: State, evidence: Evidence) -> tuple[str, str]:

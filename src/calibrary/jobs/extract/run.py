@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import date
 from pathlib import Path
-from shlex import quote
 from types import MappingProxyType
 from typing import Literal
 
@@ -60,7 +58,6 @@ from calibrary.jobs.images.reading import (
     here,
     read_images,
 )
-from calibrary.jobs.survey.own import IMAGE
 from calibrary.jobs.use import Allowed, allowed
 from calibrary.policy import FLEET, Policy
 from calibrary.policy_file import policy_of
@@ -217,7 +214,7 @@ def judge_images(reading: Reading, listing: Listing, by: Judging) -> ExtractRepo
     of_cameras = _sensors(by.sensors, [*states])
     cameras: list[Camera] = []
     for key, group in states.items():
-        cameras += judge(key, group, policy=by.policy, sensor=of_cameras.get(key, sensor))
+        cameras += judge(key, group, policy=by.policy, sensor=of_cameras.get(key, sensor), root=listing.root)
         if by.strict:
             _require_valid(cameras, by.policy)
     by.stated.check(cameras)
@@ -367,7 +364,6 @@ def _breach(policy: Policy, rule: str, message: str) -> ValidationError:
 
 def _report(slug: str, camera: Camera, by: Judging, sources: Sources, listing: Listing) -> JudgedCamera:
     """Report a camera with its fallback, checked against the pixels if requested."""
-    camera = _naming_image(camera, listing.root)
 
     def fall_back(one: Camera) -> Fallback | None:
         return _fallback(one, by.policy, sources)
@@ -381,20 +377,6 @@ def _report(slug: str, camera: Camera, by: Judging, sources: Sources, listing: L
         camera, fall_back, listing=listing, policy=by.policy, progress=by.progress
     )
     return JudgedCamera(slug=slug, camera=camera, fallback=fallback, pixels=check, look=found)
-
-
-def _naming_image(camera: Camera, root: Path) -> Camera:
-    """The camera with the path of an image in the remedies that need one."""
-    if camera.report is None:
-        return camera
-    image = quote(str(root / camera.names[0]))
-    findings = (
-        replace(one, remedy=re.sub(rf"\b{IMAGE}\b", lambda _: image, one.remedy))
-        if one.remedy is not None
-        else one
-        for one in camera.report.findings
-    )
-    return replace(camera, report=replace(camera.report, findings=tuple(findings)))
 
 
 def _use(one: JudgedCamera, policy: Policy) -> Allowed:

@@ -174,12 +174,12 @@ def compare_estimates(
         return found, None
     weighed = {id(one): survey.weigh(_claim(one)) for one in able}
     first = able[0]
-    is_decided = first.kind is trusted or not against(weighed[id(first)], survey.policy)
+    is_decided = first.kind is trusted or not against(weighed[id(first)])
     if not is_decided:
         # A lesser K is proposed only where the best one is shown wrong; otherwise the two are in dispute.
         for one in able[1:]:
             shown_wrong = [other.one for other in weighed[id(one)].disbelieved]
-            if able[0].placed in shown_wrong and not against(weighed[id(one)], survey.policy):
+            if able[0].placed in shown_wrong and not against(weighed[id(one)]):
                 first, is_decided = one, True
                 break
     told = weighed[id(first)]
@@ -189,20 +189,12 @@ def compare_estimates(
         else _compared(first, one, told, survey.policy, is_decided=is_decided)
         for one in found
     )
-    return marked, None if is_decided else _dispute(first, told, survey.policy)
+    return marked, None if is_decided else _dispute(first, told)
 
 
-def against(weighed: Weighed, policy: Policy) -> list[Against]:
+def against(weighed: Weighed) -> list[Against]:
     """What is believed against an estimate; a calibration of the same camera that moved is no dispute, but told."""
-    return [one for one in weighed.believed if not _may_have_moved(one.one, weighed.ways[0], policy)]
-
-
-def _may_have_moved(one: Placed, K: Placed, policy: Policy) -> bool:
-    """Whether two measured calibrations may be of one camera that moved, or of two units of its model."""
-    is_measured = one.claim.is_measured and K.claim.is_measured
-    return is_measured and abs(gap(one, K)) <= max(
-        known_tolerance(policy), one.claim.rounding, K.claim.rounding
-    )
+    return [one for one in weighed.believed if one.is_far]
 
 
 def _compared(
@@ -212,8 +204,9 @@ def _compared(
     if _is_start(other.claim):
         return replace(one, difference=gap(other, K), is_by_whole=is_by_whole(other, K))
     agreement = Agreement.AGREES
-    if any(said.one is other for said in weighed.against):
-        agreement = Agreement.DIFFERS if _may_have_moved(other, K, policy) else Agreement.DISAGREES
+    said = next((said for said in weighed.against if said.one is other), None)
+    if said is not None:
+        agreement = Agreement.DISAGREES if said.is_far else Agreement.DIFFERS
     elif one.kind is Kind.CATALOGUE and all(other is not near for near in weighed.confirmed_by):
         # It may be right as far as a lens of the type may be off, and a map shows such a difference.
         agreement = Agreement.DIFFERS
@@ -229,8 +222,8 @@ def _compared(
     )
 
 
-def _dispute(chosen: Estimate, weighed: Weighed, policy: Policy) -> str:
-    disagreeing = "; ".join(one.message for one in against(weighed, policy)[:4])
+def _dispute(chosen: Estimate, weighed: Weighed) -> str:
+    disagreeing = "; ".join(one.message for one in against(weighed)[:4])
     confirmed = ", ".join(one.claim.name for one in weighed.confirmed_by[:2])
     alone = f"only {confirmed} confirms it" if confirmed else "nothing confirms it"
     stated = f"{chosen.name} ({chosen.kind.value}) states fx = {chosen.intrinsics.fx:.1f} px"

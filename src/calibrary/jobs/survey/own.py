@@ -9,15 +9,16 @@ source document instead. A new rule is a function here and its place in :data:`R
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from shlex import quote
 from typing import TYPE_CHECKING, Final, TypeAlias
 
 from msgspec import Struct
 
 from calibrary.calibration import Calibration
 from calibrary.evidence.context import Source, SourceEstimate
-from calibrary.evidence.frame import RESIZED
 from calibrary.evidence.optics import THERMAL
 from calibrary.evidence.originality import Originality
+from calibrary.evidence.readings import RESIZED
 from calibrary.evidence.weighing import Cause, Evidence
 from calibrary.jobs.survey import words
 from calibrary.jobs.survey.claims import Claim, Who, is_statement, of_catalogue, of_entry, of_tag
@@ -49,8 +50,6 @@ ASK_PIXELS: Final = (
     "'calibrary extract FOLDER --verify' asks the pixels which of the two is right; the entry stays unless they "
     "contradict it"
 )
-IMAGE: Final = "IMAGE"
-"""Stands in a remedy for the path of an image, which is known where images are listed."""
 EXPLAINED: Final = frozenset({Cause.DIGITAL_ZOOM, Cause.CROP})
 """Causes of a disagreement that change the image in a way that K takes into account."""
 
@@ -68,6 +67,7 @@ class Own(Struct, frozen=True, kw_only=True):
         frame: the tag at the size of the images, by what else is stated of them; None if it is of that size.
         others: what the other tags state.
         edits: what was done to the images, each a sentence.
+        image: path of one of them.
     """
 
     calibration: Calibration
@@ -79,6 +79,7 @@ class Own(Struct, frozen=True, kw_only=True):
     frame: Placed | None
     others: tuple[SourceEstimate, ...]
     edits: tuple[str, ...]
+    image: str
 
     @property
     def is_assumed(self) -> bool:
@@ -107,6 +108,7 @@ def judged(
     entry: Resolution | None,
     edits: Sequence[str],
     policy: Policy,
+    image: str,
 ) -> Report:
     """Judge the K of images by all that is known of them.
 
@@ -117,6 +119,7 @@ def judged(
         entry: the registry's for them.
         edits: what was done to them, each a sentence.
         policy: the limits.
+        image: path of one of them.
     """
     chosen, camera = stated.chosen, calibration.camera
     assert chosen is not None  # noqa: S101  it gives the K
@@ -136,6 +139,7 @@ def judged(
         frame=_frame(stated, calibration, survey),
         others=others,
         edits=tuple(edits),
+        image=image,
     )
     return Report(policy=policy.name, findings=tuple(one for rule in RULES for one in rule(own, policy)))
 
@@ -277,7 +281,7 @@ def _by_known(own: Own, against: Against) -> Finding:
     claim = against.one.claim
     is_first = own.known is not None and own.known.claim is claim
     if against.shown_by or not is_first or not against.is_sure:
-        return against.finding(Severity.WARNING, _compare(claim) if claim.is_measured else None)
+        return against.finding(Severity.WARNING, _compare(own, claim) if claim.is_measured else None)
     if claim.who is Who.CATALOGUE:
         # What is of the whole frame does not show wrong what an image states of its own, which may be a part of it.
         may_be_part = own.weighed.claim.is_framed and not own.weighed.claim.is_measured
@@ -285,11 +289,12 @@ def _by_known(own: Own, against: Against) -> Finding:
         return against.finding(Severity.UNPROVEN if may_be_part else Severity.ERROR, remedy)
     # Either may be wrong: the entry may belong to another unit, or to the lens before a repair.
     are_measured = claim.is_measured and own.weighed.claim.is_measured
-    return against.finding(Severity.UNPROVEN, _compare(claim) if are_measured else ASK_PIXELS)
+    return against.finding(Severity.UNPROVEN, _compare(own, claim) if are_measured else ASK_PIXELS)
 
 
-def _compare(entry: Claim) -> str:
-    return f"calibrary diff {id_of(entry.name)} {IMAGE} compares them in this registry; approve the right one"
+def _compare(own: Own, entry: Claim) -> str:
+    command = f"calibrary diff {id_of(entry.name)} {quote(own.image)}"
+    return f"{command} compares them in this registry; approve the right one"
 
 
 def _by_tag(own: Own, against: Against, policy: Policy) -> Finding | None:

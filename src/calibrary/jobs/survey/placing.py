@@ -13,7 +13,6 @@ from enum import IntEnum
 from msgspec import Struct
 
 from calibrary.calibration import Calibration, ImageSize
-from calibrary.evidence.frame import TURNED
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.evidence.readings import Prior, Reading, readings
 from calibrary.jobs.survey.claims import Claim, Who
@@ -75,7 +74,7 @@ def placed(claim: Claim, reading: Reading) -> Placed:
         stated,
         intrinsics=K,
         camera=replace(stated.camera, image_size=K.image_size),
-        quality=None if TURNED in reading.assumes else quality,
+        quality=None if reading.is_turned else quality,
         provenance=replace(
             made,
             reference_size=stated.intrinsics.image_size,

@@ -9,10 +9,9 @@ from typing import Final
 from msgspec import Struct
 
 from calibrary.calibration import Calibration, Intrinsics
-from calibrary.distortion import NoDistortion
 from calibrary.evidence.identity import firmware
 from calibrary.evidence.metadata import ImageMetadata
-from calibrary.evidence.originality import ORIGINAL, Originality, Pixels
+from calibrary.evidence.originality import ORIGINAL, Originality, Pixels, not_described
 from calibrary.jobs.survey import words
 from calibrary.jobs.survey.claims import CATALOGUE, Claim, Who
 from calibrary.jobs.survey.limits import known_tolerance
@@ -56,15 +55,20 @@ class Against(Struct, frozen=True, kw_only=True):
         return words.disbelieved(said, self.shown_by) if self.shown_by else said
 
     @property
-    def is_sure(self) -> bool:
-        """Whether it contradicts K even though units of a model differ: both are of one unit, or far apart."""
+    def is_far(self) -> bool:
+        """Whether two measured K's differ by more than those of one camera that moved, or of two units of its model."""
         mine, other = self.one.claim, self.K.claim
         if not (mine.is_measured and other.is_measured):
             return True
-        serial, granted = mine.calibration.camera.serial, (mine.granted, other.granted)
-        most = next((one for one in granted if one is not None), known_tolerance(self.policy))
-        is_one_unit = serial is not None and serial == other.calibration.camera.serial
-        return is_one_unit or abs(gap(self.one, self.K)) > most
+        granted = (one for one in (mine.granted, other.granted) if one is not None)
+        most = next(granted, known_tolerance(self.policy))
+        return abs(gap(self.one, self.K)) > max(most, mine.rounding, other.rounding)
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether it contradicts K even though units of a model differ: both are of one unit, or far apart."""
+        mine, other = (one.claim.calibration.camera.serial for one in (self.one, self.K))
+        return self.is_far or (mine is not None and mine == other)
 
     def finding(self, severity: Severity, remedy: str | None) -> Finding:
         """That it contradicts K."""
@@ -263,8 +267,11 @@ class Survey:
                 yield one
         if settles:
             yield from self._others(K, heard)
-        for done in self._done_to(K):
-            yield words.edited(f"the image was {done}: nothing shows that this K describes it", self.policy)
+        for changed in not_described(K.claim.calibration, self.metadata.size, [self.original]):
+            for done in changed.done:
+                yield words.edited(
+                    f"the image was {done}: nothing shows that this K describes it", self.policy
+                )
 
     def _others(self, K: Placed, heard: Heard) -> Iterator[Finding]:
         """What the other claims say against it."""
@@ -276,18 +283,6 @@ class Survey:
         computed = _computed(heard.claim, heard.confirmed_by, heard.copies)
         if computed is not None:
             yield words.computed(computed)
-
-    def _done_to(self, K: Placed) -> tuple[str, ...]:
-        """What programs did to the images that K, which was measured on others, may not describe.
-
-        A K of their very size describes their frame, as far as that shows, but not if they state a crop themselves, nor
-        a lens that was corrected since, unless it has no distortion.
-        """
-        was = self.original
-        if K.reading.steps:
-            return was.done
-        is_of_corrected = isinstance(K.calibration.distortion, NoDistortion)
-        return was.done if was.moved or (was.lens_corrected and not is_of_corrected) else ()
 
     def _use(self, K: Placed, findings: Sequence[Finding], confirming: Sequence[Placed]) -> Allowed:
         """What σ allows, and at most a start where the frame or its middle is taken for granted."""

@@ -12,7 +12,7 @@ from calibrary.validation import EDITED, GIVE_FILES, Finding, Severity
 
 UNJUDGED_CENTRE: Final = "the principal point was not judged"
 CONTRADICTED: Final = "contradicted"
-FIND_OUT: Final = "find out which of the two is right: 'calibrary check IMAGES FILE' tells of another K"
+FIND_OUT: Final = "find out which of the two is right; 'calibrary check' tells whether a K is of images"
 REGISTER: Final = "calibrate this image size, and register it"
 
 
