@@ -357,6 +357,9 @@ def _no_k(key: CameraKey, state: State, evidence: Evidence) -> Finding:
         return Finding(rule=SENSOR_STATED, severity=Severity.UNPROVEN, message=why, remedy=what_to_do)
     why, what_to_do = _why_no_k(state, evidence)
     is_open = bool(dropped) and all(one.is_open for one in dropped)
+    if metadata.focal_mm is None and known is None and state.known.siblings:
+        why = f"{why}; which of its cameras it is of is {state.known.why}"
+        is_open, what_to_do = True, f"state its focal length (--focal-mm), {what_to_do}"
     severity = Severity.UNPROVEN if is_open else Severity.ERROR
     return Finding(rule=NO_K, severity=severity, message=why, remedy=what_to_do)
 
