@@ -513,7 +513,7 @@ def _is_of_other_frame(found: Weighed, survey: Survey) -> bool:
     whole = [one.one for one in found.believed if not one.one.claim.is_framed]
     for one in found.confirmed_by:
         if one.claim.is_framed and len(whole) == len(found.believed):
-            against = [other.one for other in survey.heard(one.claim).against]
+            against = [other.one for other in survey.weigh(one.claim).against]
             if all(other in against for other in whole):
                 return True
     return False

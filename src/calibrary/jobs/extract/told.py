@@ -451,7 +451,7 @@ def _contradicting(camera: JudgedCamera, policy: Policy) -> set[str]:
     """The names of the tags that contradict the one that gives the images' K."""
     survey, chosen = camera.camera.survey(policy), camera.camera.evidence.chosen
     own = next((one for one in survey.claims if chosen is not None and one.name == chosen.tag), None)
-    return {one.one.claim.name for one in survey.heard(own).against} if own is not None else set()
+    return {one.one.claim.name for one in survey.weigh(own).against} if own is not None else set()
 
 
 def _band(camera: JudgedCamera, policy: Policy) -> Band | None:

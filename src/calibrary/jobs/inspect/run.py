@@ -212,7 +212,7 @@ def _contradictions(evidence: Evidence) -> Iterator[str]:
     survey = Survey(evidence.scene.metadata, claims, FLEET)
     for own in claims:
         if evidence.chosen is not None and own.name == evidence.chosen.tag:
-            yield from (one.message for one in survey.heard(own).against)
+            yield from (one.message for one in survey.weigh(own).against)
 
 
 def _of(path: Path, **found: Any) -> InspectedFile:

@@ -13,13 +13,12 @@ from __future__ import annotations
 from calibrary.jobs.survey.claims import CATALOGUE, Claim, Who, of_entry, of_file, of_images
 from calibrary.jobs.survey.placing import Placed
 from calibrary.jobs.survey.relating import limit_between
-from calibrary.jobs.survey.survey import Against, Heard, Survey, Weighed
+from calibrary.jobs.survey.survey import Against, Survey, Weighed
 
 __all__ = [
     "CATALOGUE",
     "Against",
     "Claim",
-    "Heard",
     "Placed",
     "Survey",
     "Weighed",

@@ -25,7 +25,7 @@ from calibrary.jobs.survey.claims import Claim, Who, is_statement, of_catalogue,
 from calibrary.jobs.survey.limits import CONFIRMS
 from calibrary.jobs.survey.placing import Placed, Settled
 from calibrary.jobs.survey.relating import gap
-from calibrary.jobs.survey.survey import Against, Heard, Survey
+from calibrary.jobs.survey.survey import Against, Survey, Weighed
 from calibrary.jobs.survey.words import CONTRADICTED
 from calibrary.policy import Policy
 from calibrary.records import replace
@@ -58,28 +58,34 @@ class Own(Struct, frozen=True, kw_only=True):
     """A K of the tags of images.
 
     Attributes:
-        calibration: it.
         chosen: the tag.
         stated: what the images with that tag state.
         evidence: what the images state that are judged; some may lack the tag, and take K over.
         weighed: K among all claims on these images.
-        known: what is known of this camera, not its tags alone; None if it is unknown.
         frame: the tag at the size of the images, by what else is stated of them; None if it is of that size.
         others: what the other tags state.
         edits: what was done to the images, each a sentence.
         image: path of one of them.
     """
 
-    calibration: Calibration
     chosen: SourceEstimate
     stated: Evidence
     evidence: Evidence
-    weighed: Heard
-    known: Placed | None
+    weighed: Weighed
     frame: Placed | None
     others: tuple[SourceEstimate, ...]
     edits: tuple[str, ...]
     image: str
+
+    @property
+    def calibration(self) -> Calibration:
+        """K."""
+        return self.weighed.claim.calibration
+
+    @property
+    def known(self) -> Placed | None:
+        """What is known of this camera, not its tags alone; None if it is unknown."""
+        return self.weighed.survey.known
 
     @property
     def is_assumed(self) -> bool:
@@ -130,12 +136,10 @@ def judged(
     claims = (claim, *tags, *of_catalogue(evidence, camera, policy), *entries)
     survey = Survey(evidence.scene.metadata, claims, policy)
     own = Own(
-        calibration=calibration,
         chosen=chosen,
         stated=stated,
         evidence=evidence,
-        weighed=survey.heard(claim),
-        known=survey.known,
+        weighed=survey.weigh(claim),
         frame=_frame(stated, calibration, survey),
         others=others,
         edits=tuple(edits),

@@ -28,7 +28,7 @@ from calibrary.jobs.use import Allowed, allowed
 from calibrary.policy import Policy
 from calibrary.quality import Quality
 from calibrary.records import replace
-from calibrary.validation import EDITED, PLAUSIBLE, Finding, Severity, Use, Verdict, validate
+from calibrary.validation import EDITED, PLAUSIBLE, Finding, Report, Severity, Use, Verdict, validate
 
 
 class Against(Struct, frozen=True, kw_only=True):
@@ -82,40 +82,64 @@ class Against(Struct, frozen=True, kw_only=True):
         )
 
 
-class Heard(Struct, frozen=True, kw_only=True):
-    """What the other claims say of one.
+class Weighed:
+    """A claim among the others of its survey: what they say of it, and what follows."""
 
-    Attributes:
-        claim: which.
-        confirmed_by: the independent claims that confirm it.
-        against: the claims that contradict it, those that are shown wrong among them.
-        copies: the claims that have its numbers.
-        near: the claims that neither confirm nor contradict it.
-    """
+    def __init__(self, survey: Survey, claim: Claim) -> None:
+        self.survey, self.claim = survey, claim
+        self._K = next((one for one in survey.placed if one.claim is claim), None)
 
-    claim: Claim
-    confirmed_by: tuple[Placed, ...] = ()
-    against: tuple[Against, ...] = ()
-    copies: tuple[Placed, ...] = ()
-    near: tuple[Placed, ...] = ()
+    @property
+    def ways(self) -> tuple[Placed, ...]:
+        """Its K at the size of the images, by each reading that may stand; empty if no reading brings it there."""
+        return self._K.ways if self._K is not None else ()
 
+    @property
+    def settled(self) -> Settled:
+        """How the first of them came to stand."""
+        return self._K.settled if self._K is not None else Settled.AMBIGUOUS
 
-class Weighed(Heard, frozen=True, kw_only=True):
-    """A claim among the others, and what follows of it.
+    @cached_property
+    def _said(self) -> tuple[tuple[Placed, Relation], ...]:
+        K, survey = self._K, self.survey
+        if K is None:
+            return ()
+        return tuple((one, survey.relation(one, K)) for one in survey.placed if one is not K)
 
-    Attributes:
-        ways: its K at the size of the images, by each reading that may stand; empty if no reading brings it there.
-        settled: how the first of them came to stand.
-        verdict: whether it may be used.
-        use: what a solver may do with it, and why.
-        findings: what speaks against it, the gravest first.
-    """
+    def _that(self, *relations: Relation) -> tuple[Placed, ...]:
+        return tuple(one for one, found in self._said if found in relations)
 
-    ways: tuple[Placed, ...]
-    settled: Settled = Settled.AMBIGUOUS
-    verdict: Verdict
-    use: Allowed
-    findings: tuple[Finding, ...] = ()
+    @property
+    def confirmed_by(self) -> tuple[Placed, ...]:
+        """The independent claims that confirm it."""
+        return self._that(Relation.CONFIRMS)
+
+    @property
+    def copies(self) -> tuple[Placed, ...]:
+        """The claims that have its numbers."""
+        return self._that(Relation.COPY)
+
+    @property
+    def near(self) -> tuple[Placed, ...]:
+        """The claims that neither confirm nor contradict it."""
+        return self._that(Relation.COMPATIBLE, Relation.DEPENDENT)
+
+    @cached_property
+    def against(self) -> tuple[Against, ...]:
+        """The claims that contradict it, those that are shown wrong among them."""
+        K, policy = self._K, self.survey.policy
+        if K is None:
+            return ()
+        return tuple(
+            Against(
+                one=one,
+                K=K,
+                policy=policy,
+                limit=limit_between(one.claim, K.claim),
+                shown_by=self.survey.shown_wrong(one, K, self.confirmed_by),
+            )
+            for one in self._that(Relation.CONTRADICTS)
+        )
 
     @property
     def believed(self) -> tuple[Against, ...]:
@@ -130,15 +154,64 @@ class Weighed(Heard, frozen=True, kw_only=True):
     @property
     def computed(self) -> str | None:
         """The name of the tag whose numbers a K has that is called measured and that nothing confirms; None if none."""
-        return _computed(self.claim, self.confirmed_by, self.copies)
+        if not self.claim.is_measured or self.confirmed_by:
+            return None
+        return next((one.claim.name for one in self.copies if not one.claim.is_measured), None)
 
     @property
     def remarks(self) -> tuple[str, ...]:
         """What a reader of the answer should know besides: who is disbelieved by whom, and what was not judged."""
-        others = (*self.copies, *self.confirmed_by, *self.near, *(one.one for one in self.against))
-        is_judged = any(one.claim.is_measured for one in others)
+        is_judged = any(one.claim.is_measured for one, found in self._said if found is not Relation.UNDECIDED)
         said = (one.message for one in self.disbelieved)
         return (*said, *(() if is_judged else (words.UNJUDGED_CENTRE,)))
+
+    @cached_property
+    def findings(self) -> tuple[Finding, ...]:
+        """What speaks against it, the gravest first."""
+        if self._K is None:
+            return (words.not_this_frame(self.claim.name),)
+        return tuple(sorted(self._findings(self._K), key=lambda one: -[*Severity].index(one.severity)))
+
+    def _findings(self, K: Placed) -> Iterator[Finding]:
+        policy, survey = self.survey.policy, self.survey
+        settles = policy.independent_sources_settle
+        for one in validate(K.calibration, policy).findings:
+            if one.rule != PLAUSIBLE or not (settles and self.confirmed_by):
+                yield one
+        if settles:
+            yield from (other.finding(Severity.UNPROVEN, words.FIND_OUT) for other in self.believed)
+            if K.settled is Settled.AMBIGUOUS:
+                yield words.frame_unknown(K, [one for one in survey.placed if one.claim.is_kept])
+            if self.computed is not None:
+                yield words.computed(self.computed)
+        for changed in not_described(K.claim.calibration, survey.metadata.size, [survey.original]):
+            for done in changed.done:
+                yield words.edited(f"the image was {done}: nothing shows that this K describes it", policy)
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether it may be used."""
+        return Report(policy=self.survey.policy.name, findings=self.findings).verdict
+
+    @cached_property
+    def use(self) -> Allowed:
+        """What σ allows, and at most a start where the frame or its middle is taken for granted."""
+        K, survey = self._K, self.survey
+        grave = [one for one in self.findings if one.severity in {Severity.ERROR, Severity.UNPROVEN}]
+        is_saved = survey.original.pixels is not Pixels.ALTERED and all(one.rule == EDITED for one in grave)
+        if K is None or (grave and not is_saved):
+            return Allowed(use=Use.NONE, why=grave[0].message)
+        found = _allowed(K, survey.policy, resaved=bool(grave))
+        if found.use is not Use.FIXED:
+            return found
+        made, now = K.claim.calibration.provenance.firmware, firmware(survey.metadata)
+        is_framed = K.settled is Settled.CONFIRMED or any(one.claim.is_framed for one in self.confirmed_by)
+        why = None
+        if K.settled is Settled.USUAL or K.reading.centre_is_assumed:
+            why = f"assumed: {', '.join(K.reading.assumes)}"
+        elif made is not None and now is not None and made != now and not is_framed:
+            why = f"it was measured with firmware {made}, and {now} may use another part of the sensor"
+        return found if why is None else replace(found, use=Use.START, why=why)
 
     @property
     def calibration(self) -> Calibration | None:
@@ -162,45 +235,7 @@ class Survey:
 
     def weigh(self, claim: Claim) -> Weighed:
         """One claim of this survey among the others."""
-        K, heard = self._at(claim), self.heard(claim)
-        if K is None:
-            found = words.not_this_frame(claim.name)
-            use = Allowed(use=Use.NONE, why=found.message)
-            return Weighed(claim=claim, ways=(), verdict=Verdict.UNPROVEN, use=use, findings=(found,))
-        findings = sorted(self._findings(K, heard), key=lambda one: -[*Severity].index(one.severity))
-        return Weighed(
-            claim=claim,
-            ways=K.ways,
-            settled=K.settled,
-            verdict=_verdict(findings),
-            use=self._use(K, findings, heard.confirmed_by),
-            findings=tuple(findings),
-            confirmed_by=heard.confirmed_by,
-            against=heard.against,
-            copies=heard.copies,
-            near=heard.near,
-        )
-
-    def heard(self, claim: Claim) -> Heard:
-        """What the others say of a claim of this survey, for who needs neither its findings nor its use."""
-        K = self._at(claim)
-        if K is None:
-            return Heard(claim=claim)
-        said = [(one, self._relation(one, K)) for one in self.placed if one is not K]
-        confirming = tuple(one for one, found in said if found is Relation.CONFIRMS)
-        return Heard(
-            claim=claim,
-            confirmed_by=confirming,
-            against=tuple(
-                self._against(one, K, confirming) for one, found in said if found is Relation.CONTRADICTS
-            ),
-            copies=tuple(one for one, found in said if found is Relation.COPY),
-            near=tuple(one for one, found in said if found in {Relation.COMPATIBLE, Relation.DEPENDENT}),
-        )
-
-    def _at(self, claim: Claim) -> Placed | None:
-        """A claim at the size of the images; None if no reading brings it there."""
-        return next((one for one in self.placed if one.claim is claim), None)
+        return Weighed(self, claim)
 
     @cached_property
     def placed(self) -> tuple[Placed, ...]:
@@ -224,17 +259,14 @@ class Survey:
         found = relate_as_read(one, K, self.policy)
         return {Relation.CONFIRMS: True, Relation.CONTRADICTS: False}.get(found)
 
-    def _relation(self, one: Placed, K: Placed) -> Relation:
+    def relation(self, one: Placed, K: Placed) -> Relation:
+        """How one claim of this survey stands to another."""
         at = (min(id(one), id(K)), max(id(one), id(K)))
         if at not in self._relations:
             self._relations[at] = relate(one, K, self.policy)
         return self._relations[at]
 
-    def _against(self, one: Placed, K: Placed, confirming: Sequence[Placed]) -> Against:
-        shown_by, limit = self._shown_wrong(one, K, confirming), limit_between(one.claim, K.claim)
-        return Against(one=one, K=K, policy=self.policy, limit=limit, shown_by=shown_by)
-
-    def _shown_wrong(self, one: Placed, K: Placed, confirming: Sequence[Placed]) -> tuple[str, ...]:
+    def shown_wrong(self, one: Placed, K: Placed, confirming: Sequence[Placed]) -> tuple[str, ...]:
         """The two that show a contradiction wrong, K and what confirms it; none if it is believed.
 
         What is measured is shown wrong by two voices; and where two speak against a third, what repeats that third is
@@ -245,7 +277,7 @@ class Survey:
         against = [
             other
             for other in confirming
-            if is_independent(other, one) and self._relation(one, other) is Relation.CONTRADICTS
+            if is_independent(other, one) and self.relation(one, other) is Relation.CONTRADICTS
         ]
         voices = [other for other in against if other.claim.voice != K.claim.voice]
         if one.claim.is_measured:
@@ -256,65 +288,9 @@ class Survey:
         outside = one.claim.voice != K.claim.voice and any(v.claim.voice != one.claim.voice for v in voices)
         for other in self.placed:
             repeats = outside and other.claim.voice == one.claim.voice
-            if other is not one and not repeats and self._relation(other, one) is Relation.CONFIRMS:
+            if other is not one and not repeats and self.relation(other, one) is Relation.CONFIRMS:
                 return ()
         return K.claim.name, against[0].claim.name
-
-    def _findings(self, K: Placed, heard: Heard) -> Iterator[Finding]:
-        settles = self.policy.independent_sources_settle
-        for one in validate(K.calibration, self.policy).findings:
-            if one.rule != PLAUSIBLE or not (settles and heard.confirmed_by):
-                yield one
-        if settles:
-            yield from self._others(K, heard)
-        for changed in not_described(K.claim.calibration, self.metadata.size, [self.original]):
-            for done in changed.done:
-                yield words.edited(
-                    f"the image was {done}: nothing shows that this K describes it", self.policy
-                )
-
-    def _others(self, K: Placed, heard: Heard) -> Iterator[Finding]:
-        """What the other claims say against it."""
-        for other in heard.against:
-            if not other.shown_by:
-                yield other.finding(Severity.UNPROVEN, words.FIND_OUT)
-        if K.settled is Settled.AMBIGUOUS:
-            yield words.frame_unknown(K, [one for one in self.placed if one.claim.is_kept])
-        computed = _computed(heard.claim, heard.confirmed_by, heard.copies)
-        if computed is not None:
-            yield words.computed(computed)
-
-    def _use(self, K: Placed, findings: Sequence[Finding], confirming: Sequence[Placed]) -> Allowed:
-        """What σ allows, and at most a start where the frame or its middle is taken for granted."""
-        grave = [one for one in findings if one.severity in {Severity.ERROR, Severity.UNPROVEN}]
-        is_saved = self.original.pixels is not Pixels.ALTERED and all(one.rule == EDITED for one in grave)
-        if grave and not is_saved:
-            return Allowed(use=Use.NONE, why=grave[0].message)
-        found = _allowed(K, self.policy, resaved=bool(grave))
-        if found.use is not Use.FIXED:
-            return found
-        made, now = K.claim.calibration.provenance.firmware, firmware(self.metadata)
-        is_framed = K.settled is Settled.CONFIRMED or any(one.claim.is_framed for one in confirming)
-        why = None
-        if K.settled is Settled.USUAL or K.reading.centre_is_assumed:
-            why = f"assumed: {', '.join(K.reading.assumes)}"
-        elif made is not None and now is not None and made != now and not is_framed:
-            why = f"it was measured with firmware {made}, and {now} may use another part of the sensor"
-        return found if why is None else replace(found, use=Use.START, why=why)
-
-
-def _computed(claim: Claim, confirming: Sequence[Placed], copies: Sequence[Placed]) -> str | None:
-    """The name of the tag whose numbers a K has that is called measured; None if it is, or something confirms it."""
-    if not claim.is_measured or confirming:
-        return None
-    return next((one.claim.name for one in copies if not one.claim.is_measured), None)
-
-
-def _verdict(findings: Sequence[Finding]) -> Verdict:
-    levels = {one.severity for one in findings}
-    if Severity.ERROR in levels:
-        return Verdict.REJECTED
-    return Verdict.UNPROVEN if Severity.UNPROVEN in levels else Verdict.VALID
 
 
 MOST_ALLOWED: Final = 256
