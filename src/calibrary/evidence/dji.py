@@ -10,7 +10,7 @@ manuals: focal length ÷ pitch, and the image centre.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from calibrary.calibration import Grade, ImageSize, Intrinsics
 from calibrary.distortion import BrownConrady, Distortion, NoDistortion, Rational
@@ -37,17 +37,21 @@ def is_mechanical(metadata: ImageMetadata) -> bool:
 
 def estimates(scene: Scene) -> Iterator[Finding]:
     """DewarpDataK6, DewarpData and the design values."""
+    centre = _design_centre(scene.metadata)
+    sizes = tuple(_frames(scene, centre))
     for name, source, count in (
         ("DewarpDataK6", Source.DJI_DEWARP_K6, 12),
         ("DewarpData", Source.DJI_DEWARP, 9),
     ):
         text = scene.metadata.xmp_text(SCHEMA, name)
         if text is not None:
-            yield _dewarp(scene, text, f"drone-dji:{name}", source, count)
-    yield from _design(scene)
+            yield _dewarp(scene, sizes, text, f"drone-dji:{name}", source, count)
+    yield from _design(scene, sizes, centre)
 
 
-def _dewarp(scene: Scene, text: str, tag: str, source: Source, count: int) -> Finding:
+def _dewarp(
+    scene: Scene, sizes: Sequence[ImageSize], text: str, tag: str, source: Source, count: int
+) -> Finding:
     # DewarpData begins with a date and a semicolon; the manual does not say whether DewarpDataK6 does.
     made, _, terms = text.rpartition(";")
     values = numbers(terms)
@@ -62,7 +66,7 @@ def _dewarp(scene: Scene, text: str, tag: str, source: Source, count: int) -> Fi
             reason="contains zeros: this camera was never calibrated, or lost its calibration in a repair",
         )
     reason = "no image size is known that it could refer to"
-    for size in _frames(scene):
+    for size in sizes:
         try:
             intrinsics = Intrinsics(fx=fx, fy=fy, cx=size[0] / 2 + dx, cy=size[1] / 2 + dy, image_size=size)
         except InputError as error:
@@ -96,7 +100,9 @@ def _distortion(metadata: ImageMetadata, rest: tuple[float, ...]) -> Distortion:
     return Rational(k1=k1, k2=k2, p1=p1, p2=p2, k3=k3, k4=k4, k5=k5, k6=k6)
 
 
-def _design(scene: Scene) -> Iterator[Finding]:
+def _design(
+    scene: Scene, sizes: Sequence[ImageSize], centre: tuple[float, float] | None
+) -> Iterator[Finding]:
     tag = "drone-dji:CalibratedFocalLength"
     text = scene.metadata.xmp_text(SCHEMA, "CalibratedFocalLength")
     if text is None:
@@ -107,9 +113,8 @@ def _design(scene: Scene) -> Iterator[Finding]:
             source=Source.DJI_DESIGN, tag=tag, reason="does not contain a positive number of pixels"
         )
         return
-    centre = _design_centre(scene.metadata)
     reason = "no image size is known that it could refer to"
-    for size in _frames(scene):
+    for size in sizes:
         cx, cy = centre or (size[0] / 2, size[1] / 2)
         intrinsics = Intrinsics(fx=values[0], fy=values[0], cx=cx, cy=cy, image_size=size)
         foreign = scene.is_foreign(intrinsics)
@@ -129,9 +134,8 @@ def _design_centre(metadata: ImageMetadata) -> tuple[float, float] | None:
     return centre[0][0], centre[1][0]
 
 
-def _frames(scene: Scene) -> Iterator[ImageSize]:
+def _frames(scene: Scene, centre: tuple[float, float] | None) -> Iterator[ImageSize]:
     """Candidate image sizes: first the one whose exact centre is the design centre, then the likely ones."""
-    centre = _design_centre(scene.metadata)
     if centre is not None and min(centre) >= 1 and max(centre) <= LARGEST_SIDE:
         yield round(centre[0] * 2), round(centre[1] * 2)
     yield from scene.frames()

@@ -115,6 +115,8 @@ def usual(K: Intrinsics, metadata: ImageMetadata) -> Reading:
 def _then(read: Reading, size: ImageSize) -> Reading | None:
     """A reading, and then what usually brings its size to another; None if nothing does."""
     K = read.intrinsics
+    if K.image_size == size:
+        return read
     for target in (size, size[::-1]):
         one = next(_ways(K, target, ImageMetadata(size=target)), None)
         if one is None or (one.prior is Prior.POSSIBLE and not one.is_scaled):
