@@ -57,6 +57,11 @@ class CalibraryError(Exception):
     not-there.xml: cannot be read: No such file or directory
     """
 
+    @property
+    def why(self) -> str:
+        """What is wrong, without the source and the place."""
+        return str(getattr(self, "message", self))
+
 
 class InputError(CalibraryError, ValueError):
     """An input or an argument is wrong.

@@ -237,7 +237,7 @@ def _difference(K: Calibration, other: Calibration, policy: Policy) -> tuple[str
     try:
         found = compare(K, other, policy)
     except CalibraryError as error:
-        return (error.message if isinstance(error, InputError) else str(error)), None
+        return error.why, None
     if found.verdict is found.verdict.IDENTICAL:
         return None
     focal = (

@@ -538,8 +538,7 @@ def _in_numbers(held: CheckedFile, other: Placed, found: Weighed, policy: Policy
     try:
         comparison = compare(other.calibration, found.ways[0].calibration, policy)
     except (FrameError, CalibrationError, InputError) as error:
-        message = error.message if isinstance(error, InputError) else str(error)
-        text = f"not comparable with {other.claim.name} of these images: {message}"
+        text = f"not comparable with {other.claim.name} of these images: {error.why}"
         return replace(held, verdict=Rightness.OFF, message=text)
     numbers = comparison.detail
     if numbers is None:

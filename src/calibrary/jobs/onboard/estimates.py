@@ -16,7 +16,7 @@ from calibrary.arguments import Stated
 from calibrary.calib.detection import Detections
 from calibrary.calib.result import CalibrationResult
 from calibrary.calibration import Calibration, CameraKey, Grade, SourceFile
-from calibrary.errors import CalibraryError, InputError, RegistryError
+from calibrary.errors import CalibraryError, RegistryError
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.calibrate.report import Asked, CalibrateReport
 from calibrary.jobs.diff.comparison import compare
@@ -280,7 +280,7 @@ def _related(path: str, other: Entry, entry: Entry, policy: Policy) -> RelatedEn
     try:
         found = compare(other.calibration, entry.calibration, policy)
     except CalibraryError as error:
-        return replace(related, reason=error.message if isinstance(error, InputError) else str(error))
+        return replace(related, reason=error.why)
     numbers = found.numbers
     return replace(
         related,

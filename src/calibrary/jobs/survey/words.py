@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from calibrary.errors import CalibraryError, InputError
+from calibrary.errors import CalibraryError
 from calibrary.jobs.survey.placing import Placed
 from calibrary.policy import Policy
 from calibrary.validation import EDITED, GIVE_FILES, Finding, Severity
@@ -27,7 +27,7 @@ def said(K: Placed, one: Placed, limit: float, policy: Policy) -> str:
     try:
         found = compare(K.calibration, one.calibration, policy)
     except CalibraryError as error:
-        return f"{apart}, and cannot be compared: {error.message if isinstance(error, InputError) else error}"
+        return f"{apart}, and cannot be compared: {error.why}"
     # Where the kind of change is the first reason, the pixels are told besides.
     seen = found.numbers.projection if found.structural and found.numbers is not None else None
     far = (
