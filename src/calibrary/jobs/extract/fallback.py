@@ -115,6 +115,19 @@ class Fallback(Struct, frozen=True, kw_only=True):
         """The step whose K is used; None if there is none."""
         return next((one for one in reversed(self.steps) if one.outcome is StepOutcome.TAKEN), None)
 
+    @property
+    def is_valid(self) -> bool:
+        """Whether it gives a K that is valid."""
+        return self.report is not None and self.report.verdict is Verdict.VALID
+
+    @property
+    def passed_over(self) -> tuple[Step, ...]:
+        """Its steps, the last refused for its own finding if it gives a K and another is used."""
+        if self.report is None:
+            return self.steps
+        why = self.report.failures[0].message
+        return (*self.steps[:-1], replace(self.steps[-1], outcome=StepOutcome.REFUSED, why=why))
+
 
 def seed(key: CameraKey, size: ImageSize, known: tuple[float, str] | None = None) -> Calibration:
     """Initial values for a self-calibration, never a K: fx = 0.8 · max(W, H) and the image centre.
@@ -145,29 +158,8 @@ def _known_focal(camera: Camera, policy: Policy) -> tuple[float, str] | None:
     return (fx, "35 mm equivalent by the diagonal") if fx is not None else None
 
 
-class Attempt(Struct, frozen=True, kw_only=True):
-    """Result of one step: what was tried, and the K that it gives, if it gives one."""
-
-    step: Step
-    calibration: Calibration | None = None
-    report: Report | None = None
-    use: Allowed | None = None
-
-    @property
-    def is_valid(self) -> bool:
-        """Whether it gives a K that is valid."""
-        return self.report is not None and self.report.verdict is Verdict.VALID
-
-    @property
-    def passed_over(self) -> Step:
-        """The step, refused for its own finding if it gives a K and another is used."""
-        if self.report is None:
-            return self.step
-        return replace(self.step, outcome=StepOutcome.REFUSED, why=self.report.failures[0].message)
-
-
-def _without(step: StepName, outcome: StepOutcome, why: str, source: str | None = None) -> Attempt:
-    return Attempt(step=Step(step=step, outcome=outcome, source=source, why=why))
+def _without(step: StepName, outcome: StepOutcome, why: str, source: str | None = None) -> Fallback:
+    return Fallback(steps=(Step(step=step, outcome=outcome, source=source, why=why),))
 
 
 def fall_back(camera: Camera, policy: Policy, sources: Sources) -> Fallback:
@@ -177,19 +169,17 @@ def fall_back(camera: Camera, policy: Policy, sources: Sources) -> Fallback:
     and must not keep the entry from being asked.
     """
     start, kept = _initial(camera, policy)
-    attempts: list[Attempt] = []
+    attempts: list[Fallback] = []
     for attempt in (_explicit, _from_files, _from_registry):
         if attempt is _from_registry:
-            attempts.append(Attempt(step=kept))
+            attempts.append(Fallback(steps=(kept,)))
         attempts.append(attempt(camera, policy, sources))
         if attempts[-1].is_valid:
             break
     with_k = [one for one in attempts if one.calibration is not None]
     used = max(with_k, key=lambda one: one.is_valid) if with_k else None
-    steps = tuple(one.step if one is used else one.passed_over for one in attempts)
-    if used is None:
-        return Fallback(steps=steps, seed=start)
-    return Fallback(steps=steps, calibration=used.calibration, report=used.report, use=used.use)
+    steps = tuple(step for one in attempts for step in (one.steps if one is used else one.passed_over))
+    return replace(used, steps=steps) if used is not None else Fallback(steps=steps, seed=start)
 
 
 def _initial(camera: Camera, policy: Policy) -> tuple[Calibration, Step]:
@@ -200,7 +190,7 @@ def _initial(camera: Camera, policy: Policy) -> tuple[Calibration, Step]:
     return start, step
 
 
-def _explicit(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
+def _explicit(camera: Camera, policy: Policy, sources: Sources) -> Fallback:
     size, name = camera.states[0].metadata.size, StepName.FALLBACK_K
     if sources.matrix is None:
         return _without(name, StepOutcome.NOT_THERE, "no --fallback-k given")
@@ -227,7 +217,7 @@ def _explicit(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
     return _judged(camera, of_file(source, calibration), policy, name, camera.doubt(calibration))
 
 
-def _from_files(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
+def _from_files(camera: Camera, policy: Policy, sources: Sources) -> Fallback:
     size, name = camera.states[0].metadata.size, StepName.CALIBRATION_FILE
     sized = [(source, c) for source, c in sources.files if fits(c, size)]
     fitting = [(source, c) for source, c in sized if foreign(c, camera.key) is None]
@@ -274,7 +264,7 @@ def may_be_part(calibration: Calibration, size: ImageSize) -> bool:
     return any(way.factor >= 1.0 for way in readings(calibration.intrinsics, ImageMetadata(size=size)))
 
 
-def _from_registry(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
+def _from_registry(camera: Camera, policy: Policy, sources: Sources) -> Fallback:
     name = StepName.REGISTRY
     if not sources.knowledge.has_registry:
         return _without(name, StepOutcome.NOT_THERE, "no registry is used")
@@ -297,12 +287,13 @@ def _from_registry(camera: Camera, policy: Policy, sources: Sources) -> Attempt:
     claim, doubt = of_entry(known.resolution, policy), camera.doubt(known.resolution.entry.calibration)
     found = _judged(camera, claim, policy, name, doubt)
     whose = resolved.provenance.source
-    step, K = replace(found.step, source=whose), found.calibration
+    [step], K = found.steps, found.calibration
+    step = replace(step, source=whose)
     if K is not None:
         step = replace(step, why=f"{step.why}; {_chosen(known.resolution, K)}")
         # Of several registries the source names the one that has the entry.
         K = replace(K, provenance=replace(K.provenance, source=whose))
-    return replace(found, step=step, calibration=K)
+    return replace(found, steps=(step,), calibration=K)
 
 
 def outranking(camera: Camera, policy: Policy, sources: Sources) -> Fallback | None:
@@ -324,8 +315,7 @@ def outranking(camera: Camera, policy: Policy, sources: Sources) -> Fallback | N
     apart = own.intrinsics.fx / calibration.intrinsics.fx - 1.0
     why = f"it was measured ({calibration.grade}), and {own.provenance.tag} of the images agrees to {abs(apart):.2%}"
     why = f"{why}; {_chosen(known, calibration)}"
-    step = replace(found.step, why=why)
-    return Fallback(steps=(step,), calibration=calibration, report=found.report, use=found.use)
+    return replace(found, steps=(replace(found.steps[0], why=why),))
 
 
 def _chosen(known: Resolution, used: Calibration) -> str:
@@ -378,12 +368,13 @@ def by_pixels(camera: Camera, fallback: Fallback | None, measured: Calibration, 
     edited = any(state.original.done for state in camera.states)
     survey = Survey(camera.evidence.scene.metadata, [claim], policy) if edited else None
     found = _judged(camera, claim, policy, StepName.PIXELS, survey=survey)
-    steps, step = fallback.steps if fallback is not None else (), found.step
-    if not found.is_valid:
-        if step.outcome is StepOutcome.TAKEN:
-            step = replace(found.passed_over, outcome=StepOutcome.KEPT_AS_SEED)
-        return Fallback(steps=(*steps, step), seed=own)
-    return Fallback(steps=(*steps, step), calibration=found.calibration, report=found.report, use=found.use)
+    steps = fallback.steps if fallback is not None else ()
+    if found.is_valid:
+        return replace(found, steps=(*steps, *found.steps))
+    [step] = found.passed_over
+    if found.taken is not None:
+        step = replace(step, outcome=StepOutcome.KEPT_AS_SEED)
+    return Fallback(steps=(*steps, step), seed=own)
 
 
 def _judged(
@@ -394,7 +385,7 @@ def _judged(
     doubt: str | None = None,
     *,
     survey: Survey | None = None,
-) -> Attempt:
+) -> Fallback:
     """Weigh a fallback among all that states a K for the images; if it fails, it is not used.
 
     Args:
@@ -423,7 +414,7 @@ def _judged(
         return _without(name, StepOutcome.REFUSED, why, claim.name)
     said = "; ".join(("passes the policy", *weighed.remarks))
     step = Step(step=name, outcome=StepOutcome.TAKEN, source=claim.name, why=said)
-    return Attempt(step=step, calibration=calibration, report=report, use=weighed.use)
+    return Fallback(steps=(step,), calibration=calibration, report=report, use=weighed.use)
 
 
 def _why_refused(camera: Camera, weighed: Weighed, report: Report) -> str | None:
