@@ -11,7 +11,7 @@ import numpy as np
 from calibrary.catalogue import Catalogue
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.jobs.extract import Program
-from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, group_cameras
+from calibrary.jobs.extract.cameras import ASSUMED, Camera, Sensor, group_cameras
 from calibrary.jobs.extract.extraction import JudgedCamera
 from calibrary.jobs.extract.judging import judge, judge_image
 from calibrary.jobs.extract.knowledge import Knowledge
@@ -40,7 +40,6 @@ PLANE: dict[str, Any] = {"focal_plane_resolution": ((300, 1), (300, 1)), "focal_
 """A sensor of 18.24 mm for 5472 px, which no equivalent of 24 mm of a lens of 60 mm fits."""
 
 KNOWLEDGE = Knowledge(catalogue=Catalogue([P4_RTK, M3T_WIDE, M3T_THERMAL, PHANTOM_3, SKYDIO_2]))
-ASSUMED = Sensor(size_mm=DEFAULT_SENSOR_MM, given=False)
 
 
 def picture(

@@ -21,7 +21,6 @@ from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.jobs.images.accumulator import undated
 from calibrary.policy import FLEET
 from calibrary.validation import Verdict
-from tests.jobs.extract.fleet import ASSUMED
 
 HEADS = Path(__file__).with_name("heads_of_cameras.csv")
 UNITS = {"2": FocalPlaneUnit.INCH, "3": FocalPlaneUnit.CENTIMETRE, "4": FocalPlaneUnit.MILLIMETRE}
@@ -34,7 +33,7 @@ def only(metadata: ImageMetadata) -> Camera:
     [camera] = (
         camera
         for key, states in group_cameras(undated({metadata: ["a.jpg"]}), KNOWLEDGE).items()
-        for camera in judge(key, states, policy=FLEET, sensor=ASSUMED)
+        for camera in judge(key, states, policy=FLEET)
     )
     return camera
 

@@ -18,7 +18,7 @@ from calibrary.jobs.images.accumulator import undated
 from calibrary.policy import FLEET
 from calibrary.validation import Verdict
 from tests.imagery import ExifTags, write_jpeg, write_tiff
-from tests.jobs.extract.fleet import ASSUMED, DEWARP, P4R, gate, only, picture, plan
+from tests.jobs.extract.fleet import DEWARP, P4R, gate, only, picture, plan
 
 DTD = b'<!DOCTYPE x [<!ENTITY a "b">]><x:xmpmeta xmlns:x="adobe:ns:meta/"/>'
 FULL_WIDTH = str.maketrans("0123456789", "０１２３４５６７８９")
@@ -79,7 +79,7 @@ def test_a_zoom_that_the_camera_writes_and_does_not_apply_is_left_out() -> None:
         has_exif=True,
     )
     [(key, group)] = group_cameras(undated({frame: ["a.jpg"]}), Knowledge.load(None)).items()
-    [camera] = judge(key, group, policy=FLEET, sensor=ASSUMED)
+    [camera] = judge(key, group, policy=FLEET)
     assert camera.calibration is not None
     assert camera.calibration.intrinsics.fx == pytest.approx(44.5 / 0.012)
     assert camera.verdict is Verdict.VALID

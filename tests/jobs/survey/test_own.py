@@ -8,14 +8,14 @@ import pytest
 
 from calibrary.calibration import Grade
 from calibrary.evidence.metadata import FocalPlaneUnit, ImageMetadata
-from calibrary.jobs.extract.cameras import Camera, Sensor
+from calibrary.jobs.extract.cameras import ASSUMED, Camera, Sensor
 from calibrary.jobs.survey.own import RULES
 from calibrary.policy import FLEET, SOURCE, Policy
 from calibrary.records import replace
 from calibrary.validation import EDITED, SENSOR_STATED, Severity, Verdict, lacks_confirmation
 from tests.evidence.scenes import p4_rtk
 from tests.house.project import ROOT
-from tests.jobs.extract.fleet import ASSUMED, judged
+from tests.jobs.extract.fleet import judged
 
 DEWARP = "2019-03-05;{fx},{fx},-4.5,22.75,-0.1,0.02,0.0008,-0.0001,0"
 GIVEN = Sensor(size_mm=(23.7, 15.8), given=True)

@@ -18,7 +18,7 @@ from calibrary.evidence.identity import firmware
 from calibrary.evidence.metadata import ImageMetadata
 from calibrary.evidence.originality import no_frame
 from calibrary.jobs.audit.report import Leg
-from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, group_cameras
+from calibrary.jobs.extract.cameras import Camera, State, group_cameras
 from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.jobs.images.accumulator import undated
@@ -189,10 +189,9 @@ def _leave_out_older(
 def _flown(states: dict[ImageMetadata, list[str]], images: _Found, policy: Policy) -> Iterator[Flown]:
     # Only the images and the catalogue are used here; the registry is compared with the result later.
     knowledge = Knowledge.load(None)
-    sensor = Sensor(size_mm=DEFAULT_SENSOR_MM, given=False)
     for key, group in group_cameras(undated(states), knowledge).items():
         for same in _by_firmware(group):
-            for camera in judge(key, same, policy=policy, sensor=sensor):
+            for camera in judge(key, same, policy=policy):
                 by_day = _by_day(camera.names, images)
                 days = [day for name in camera.names if (day := images.days[name]) is not None]
                 yield Flown(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from typing import Final
 
 from msgspec import Struct
 
@@ -54,6 +55,9 @@ class Sensor(Struct, frozen=True, kw_only=True):
             return width, height if height is not None else width * h_px / w_px
         height = height if height is not None else DEFAULT_SENSOR_MM[1]
         return height * w_px / h_px, height
+
+
+ASSUMED: Final = Sensor(size_mm=DEFAULT_SENSOR_MM, given=False)
 
 
 class State(Struct, frozen=True, kw_only=True):

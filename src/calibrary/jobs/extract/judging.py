@@ -21,7 +21,7 @@ from calibrary.evidence.metadata import ImageMetadata
 from calibrary.evidence.originality import Pixels
 from calibrary.evidence.weighing import Evidence, disagreement, evidence_of
 from calibrary.jobs.extract.cameras import (
-    DEFAULT_SENSOR_MM,
+    ASSUMED,
     Camera,
     JudgedState,
     Sensor,
@@ -47,7 +47,7 @@ def judge(
     states: Sequence[State],
     *,
     policy: Policy,
-    sensor: Sensor,
+    sensor: Sensor = ASSUMED,
     one_unit: bool = False,
     root: Path | None = None,
 ) -> tuple[Camera, ...]:
@@ -84,14 +84,13 @@ def judge(
 def state_of_image(metadata: ImageMetadata, policy: Policy) -> tuple[State, Evidence]:
     """One image as the only one of its camera, and what it states, with what the catalogue knows."""
     [(state, *_)] = group_cameras(undated({metadata: [""]}), Knowledge.load(None)).values()
-    return state, evidence_of(scene_of(state, Sensor(size_mm=DEFAULT_SENSOR_MM, given=False), policy))
+    return state, evidence_of(scene_of(state, ASSUMED, policy))
 
 
 def judge_image(metadata: ImageMetadata, name: str, policy: Policy) -> Camera | None:
     """The camera of one image, by the image and the catalogue; None if it states nothing of one."""
     groups = group_cameras(undated({metadata: [name]}), Knowledge.load(None))
-    sensor = Sensor(size_mm=DEFAULT_SENSOR_MM, given=False)
-    return next((judge(key, group, policy=policy, sensor=sensor)[0] for key, group in groups.items()), None)
+    return next((judge(key, group, policy=policy)[0] for key, group in groups.items()), None)
 
 
 def _apart_from(first: Camera, camera: Camera) -> Camera:

@@ -24,7 +24,7 @@ from calibrary.jobs.extract.calibration_files import (
     unused,
 )
 from calibrary.jobs.extract.cameras import (
-    DEFAULT_SENSOR_MM,
+    ASSUMED,
     Camera,
     Sensor,
     State,
@@ -302,9 +302,8 @@ def _sensor(
     Raises:
         UsageError: a size is stated, and there are several cameras.
     """
-    default = Sensor(size_mm=DEFAULT_SENSOR_MM, given=False)
     if sensor_mm == (None, None):
-        return default
+        return ASSUMED
     # A file without metadata has no focal length, so it does not count as a second camera here.
     cameras = [key for key, group in states.items() if any(state.metadata.focal_mm for state in group)]
     if len(cameras) <= 1:

@@ -18,7 +18,7 @@ from calibrary.evidence.metadata import ImageMetadata
 from calibrary.evidence.originality import no_frame
 from calibrary.evidence.readings import readings
 from calibrary.extras import CALIBRATE, require
-from calibrary.jobs.extract.cameras import DEFAULT_SENSOR_MM, Camera, Sensor, State, group_cameras
+from calibrary.jobs.extract.cameras import Camera, State, group_cameras
 from calibrary.jobs.extract.judging import judge
 from calibrary.jobs.extract.knowledge import Knowledge
 from calibrary.jobs.images.accumulator import undated
@@ -275,10 +275,9 @@ def find_cameras(
     knowledge = Knowledge.load(None)
     sorted_ = _Sorted()
     groups = _cameras_with_names(group_cameras(undated(payload.states), knowledge), payload, said, sorted_)
-    sensor = Sensor(size_mm=DEFAULT_SENSOR_MM, given=False)
     for key, states in groups.items():
         # A payload is one unit, because one unit is onboarded at a time.
-        [judged] = judge(key, states, policy=policy, sensor=sensor, one_unit=True)
+        [judged] = judge(key, states, policy=policy, one_unit=True)
         versions = {firmware(state.metadata) for state in states}
         sorted_.cameras.append(
             PayloadCamera(
