@@ -33,10 +33,12 @@ class Documents(Struct):
     Attributes:
         loaded: documents by the name of the loader and the bytes; what each is, its loader knows.
         aside: tables, lists and elements of them that the reader set aside.
+        found: a document, and what the sniffer found in it.
     """
 
     loaded: dict[tuple[str, bytes], Any] = field(default_factory=dict)
     aside: list[object] = field(default_factory=list)
+    found: tuple[object, Any] = (None, None)
 
 
 _KEPT: ContextVar[Documents | None] = ContextVar("_KEPT", default=None)
@@ -60,6 +62,22 @@ def set_aside(*containers: object) -> None:
     documents = _KEPT.get()
     if documents is not None:
         documents.aside += containers
+
+
+def hand_on(tree: Node, found: object) -> None:
+    """Keep what a sniffer found in a document for the reader, who else looks for it again."""
+    documents = _KEPT.get()
+    if documents is not None:
+        documents.found = (tree.value, found)
+
+
+def handed_on(tree: Node) -> Any:
+    """What the sniffer found, once, for a later reading may be of a changed document; None if there is nothing."""
+    documents = _KEPT.get()
+    if documents is None:
+        return None
+    (document, found), documents.found = documents.found, (None, None)
+    return found if document is tree.value else None
 
 
 def accounted(load: Callable[Concatenate[bytes, P], T]) -> Callable[Concatenate[bytes, P], T]:

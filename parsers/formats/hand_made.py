@@ -36,11 +36,11 @@ from calibrary.parsers import names
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax, ended
 from calibrary.parsers.convention import Convention, Native, Origin, YAxis
-from calibrary.parsers.document import Node
+from calibrary.parsers.document import Node, hand_on, handed_on
 from calibrary.parsers.format import STATED, Format, Option, ReadContext, Sniff, Sure
 from calibrary.parsers.formats import _by_hand as by_hand
 from calibrary.parsers.formats._by_hand import OF_LENS, TERMS, Entry, Part, cameras_in, statements_in
-from calibrary.parsers.formats._opencv_lens import COUNTS, lens, smallest_lens
+from calibrary.parsers.formats._lenses import COUNTS, lens, smallest_lens
 from calibrary.parsers.formats._tree import LONGER, MAT, NPY, tree_of
 from calibrary.parsers.names import Family, simplified
 from calibrary.records import replace
@@ -103,6 +103,7 @@ def sniff(content: Content) -> Sniff | None:
         return Sniff(Sure.WEAK, "its words are those of a camera") if is_told else None
     try:
         found = cameras_in(tree)
+        hand_on(tree, found)
     except ParseError:
         return Sniff(Sure.WEAK, "it states numbers of a camera")
     if not found:
@@ -138,7 +139,7 @@ def cameras(
         origin: of the principal points, where the container says it; None if it does not.
         why: how it says it; None if that goes without saying.
     """
-    parts = cameras_in(tree)
+    parts: list[Part] = handed_on(tree) or cameras_in(tree)
     if not parts:
         _refuse_without_camera(tree)
     extras = _extras(tree, parts, prefix)
@@ -235,6 +236,9 @@ class _Camera:
 
     def __init__(self, part: Part, context: ReadContext, origin: Origin | None, why: str | None) -> None:
         self.part = part
+        self.said: dict[str, list[Entry]] = {}
+        for entry in part.entries:
+            self.said.setdefault(entry.kind, []).append(entry)
         self.context = context
         self.origin = origin
         self.why = why
@@ -294,7 +298,7 @@ class _Camera:
         Raises:
             ParseError: two at one depth differ.
         """
-        found = self.part.all(kind)
+        found = self.said.get(kind)
         if not found:
             return None
         depth = max(entry.depth for entry in found)
