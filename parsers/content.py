@@ -173,6 +173,11 @@ class Content:
             return ()
         return tuple(dict.fromkeys(_YAML_KEY.findall(self.text or "")))
 
+    @cached_property
+    def names(self) -> frozenset[str]:
+        """Tags of XML, else top keys of JSON or YAML."""
+        return frozenset(self.xml_tags or self.json_keys or self.yaml_keys)
+
     def beginning(self, characters: int = 40) -> str:
         """The first characters for a message, with unprintable ones escaped."""
         return json.dumps((self.first_line or repr(self.data[:16]))[:characters])

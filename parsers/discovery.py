@@ -30,31 +30,36 @@ GROUP = "calibrary.formats"
 BY_HAND: Final = "hand_made"
 """The format that is asked last, of files that no other one claims."""
 
-ONLY: Final[Mapping[tuple[Syntax, ...], str]] = {
-    (Syntax.XML,): (
-        "adobe_lcp agisoft_xml blocksexchange_xml contextcapture_opt gazebo_sdf metashape_document "
-        "micmac_xml realitycapture_xmp"
-    ),
-    (Syntax.JSON,): (
-        "alicevision_sfm gyroflow "
-        "odm_cameras opensfm opf_calibrated_cameras opf_input_cameras "
-        "opf_project stac_interior_orientation "
-        "transforms_json"
-    ),
-    (Syntax.TEXT,): (
-        "asp_tsai australis_report bluec_rad bouguet_m bundler "
-        "colmap_text esri_cameras hugin_pto inpho_prj "
-        "kalibr kalibr_results kapture keyed_text kitti nvm "
-        "orb_slam photomodeler_export photomodeler_report pix4d_cam "
-        "pix4d_camera_parameters projection_matrix realitycapture_csv ros_camera_info ros_ini "
-        "terraphoto_cal usgs_report zed zi_ssk"
-    ),
-    (Syntax.BINARY,): ("colmap_binary colmap_database k_npy matlab_mat metashape_archive numpy_npz"),
-    (Syntax.XML, Syntax.TEXT): "lensfun_xml",
-    (Syntax.XML, Syntax.TEXT, Syntax.JSON): "opencv_storage",
-    (Syntax.TEXT, Syntax.JSON): "matlab_json mrcal ocamcalib realsense",
+FAMILIES: Final[Mapping[str, tuple[str, ...]]] = {
+    "colmap": ("colmap_binary", "colmap_text"),
+    "matlab": ("matlab_json", "matlab_mat"),
+    "metashape": ("metashape_archive", "metashape_document"),
+    "numpy_arrays": ("k_npy", "numpy_npz"),
+    "opf": ("opf_calibrated_cameras", "opf_input_cameras", "opf_project"),
+    "photomodeler": ("photomodeler_export", "photomodeler_report"),
+    "realitycapture": ("realitycapture_csv", "realitycapture_xmp"),
+    "ros": ("ros_camera_info", "ros_ini"),
 }
-"""Built-in formats by their syntaxes, not loaded for files of another; formats not listed are always loaded."""
+"""Modules with the formats of one program; any other has the format of its name."""
+
+ONLY: Final[Mapping[tuple[Syntax, ...], str]] = {
+    (Syntax.XML,): "adobe_lcp agisoft_xml blocksexchange_xml contextcapture_opt gazebo_sdf micmac_xml",
+    (
+        Syntax.JSON,
+    ): "alicevision_sfm gyroflow odm_cameras opensfm opf stac_interior_orientation transforms_json",
+    (Syntax.TEXT,): (
+        "asp_tsai australis_report bouguet_m bundler esri_cameras hugin_pto inpho_prj kapture keyed_text nvm "
+        "photomodeler pix4d_cam pix4d_camera_parameters ros usgs_report"
+    ),
+    (Syntax.BINARY,): "colmap_database numpy_arrays",
+    (Syntax.XML, Syntax.BINARY): "metashape",
+    (Syntax.XML, Syntax.TEXT): "lensfun_xml realitycapture",
+    (Syntax.XML, Syntax.TEXT, Syntax.JSON): "opencv_storage",
+    (Syntax.TEXT, Syntax.BINARY): "colmap",
+    (Syntax.TEXT, Syntax.JSON): "mrcal",
+    (Syntax.TEXT, Syntax.JSON, Syntax.BINARY): "matlab",
+}
+"""Built-in modules by the syntaxes of their files, not loaded for files of another; others are always loaded."""
 
 PROGRAMS: Final[Mapping[str, tuple[str, ...]]] = {
     "arcgis": ("esri_cameras",),
@@ -96,7 +101,7 @@ def format_named(name: str, file: str | Path = "") -> Format:
         records = [_built_in(one) for one in PROGRAMS[name]]
         suffix = Path(file).suffix.lower()
         return next((record for record in records if suffix in record.suffixes), records[0])
-    if name in _module_names():
+    if name in _modules():
         return _built_in(name)
     if name in known_formats():
         return known_formats()[name]
@@ -121,7 +126,7 @@ def known_formats() -> Mapping[str, Format]:
     A registered format that cannot be loaded, or has the name of another format, is omitted with a warning,
     so that other files can still be read.
     """
-    found = {name: _built_in(name) for name in _module_names()} | _rows() | _not_built_in()
+    found = {name: _built_in(name) for name in _modules()} | _rows() | _not_built_in()
     return MappingProxyType(dict(sorted(found.items())))
 
 
@@ -139,7 +144,7 @@ def _not_built_in() -> dict[str, Format]:
             continue
         if not isinstance(record, Format):
             _complain(f"{point.value} is not a calibrary.parsers.format.Format")
-        elif record.name in found or record.name in _module_names() or record.name in _rows():
+        elif record.name in found or record.name in _modules() or record.name in _rows():
             _complain(f"{point.value} calls itself {record.name!r}, which is taken")
         else:
             found[record.name] = record
@@ -150,32 +155,34 @@ def _not_built_in() -> dict[str, Format]:
 def formats_of(syntax: Syntax) -> tuple[Format, ...]:
     """The formats that a file of this syntax may have; other built-in formats are not loaded."""
     elsewhere = {name for others, names in ONLY.items() if syntax not in others for name in names.split()}
-    names = _module_names() - elsewhere - {BY_HAND}
-    found = {name: _built_in(name) for name in names} | _rows() | _not_built_in()
+    here = (name for name, module in _modules().items() if module not in elsewhere and name != BY_HAND)
+    found = {name: _built_in(name) for name in here} | _rows() | _not_built_in()
     return tuple(record for _, record in sorted(found.items()) if syntax in record.syntaxes)
 
 
 @cache
-def _module_names() -> frozenset[str]:
-    """Names of the format modules; modules that start with an underscore are helpers."""
-    return frozenset(
-        module.name for module in iter_modules(folder.__path__) if not module.name.startswith("_")
-    )
+def _modules() -> Mapping[str, str]:
+    """The module of each format that has one; modules that start with an underscore are helpers."""
+    found = (module.name for module in iter_modules(folder.__path__) if not module.name.startswith("_"))
+    return {name: module for module in found for name in FAMILIES.get(module, (module,))}
 
 
 @cache
 def _rows() -> dict[str, Format]:
-    """The formats of the table of programs, by name."""
-    found: dict[str, Format] = import_module(f"{folder.__name__}._programs").FORMATS
-    return found
+    """The formats of the tables of programs, by name."""
+    files = import_module(f"{folder.__name__}._table").FILES
+    rows = (row for name in files for row in import_module(f"{folder.__name__}.{name}").ROWS)
+    return {row.name: row.format() for row in rows}
 
 
 @cache
 def _built_in(name: str) -> Format:
-    record = import_module(f"{folder.__name__}.{name}").FORMAT
-    if not isinstance(record, Format) or record.name != name:
-        raise InputError(f"{folder.__name__}.{name} must hold FORMAT, a Format of the same name")
-    return record
+    module = import_module(f"{folder.__name__}.{_modules()[name]}")
+    records: tuple[Format, ...] = getattr(module, "FORMATS", None) or (module.FORMAT,)
+    found = next((record for record in records if record.name == name), None)
+    if found is None:
+        raise InputError(f"{module.__name__} must hold FORMAT or FORMATS, with a Format of the name {name}")
+    return found
 
 
 def _complain(what: str) -> None:

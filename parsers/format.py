@@ -31,8 +31,8 @@ A new format needs only its module, ``parsers/formats/<name>.py``, and its test:
     last, so that a truncated file cannot be read as another camera.
 6.  A format that is only recognised in order to be refused is a row of the table in ``parsers/refused.py``: how it is
     recognised, what it is, why it is refused and what to do instead.
-    A format that is only a K and a lens under other names needs no module: it is a row of the table in
-    ``parsers/formats/_programs.py``, ``_robots.py`` or, of scenes and data sets, ``_scenes.py``.
+    A format that is only a K and a lens under other names needs no module: it is a row of a table, in the file of
+    its kind: ``parsers/formats/_aerial.py``, ``_devices.py``, ``_scenes.py``, ``_slam.py`` or ``_toolboxes.py``.
 7.  ``FORMAT = Format(...)`` combines all this, and ``tests/parsers/test_contract.py`` tests it. The format's own test
     contains its formula, computed independently, and one small file per dialect, with invented values; without a
     writer, one of them is its ``SAMPLES = {"<name>": Sample(data)}``. ``make docs`` renews the manual's tables.

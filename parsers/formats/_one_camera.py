@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from calibrary.calibration import Calibration, ImageSize
-from calibrary.distortion import Distortion, KannalaBrandt
+from calibrary.distortion import Distortion
 from calibrary.errors import UnsupportedModelError
 from calibrary.parsers import text as strict
 from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Option, ReadContext
 from calibrary.parsers.formats import _file_storage as storage
-from calibrary.parsers.formats._opencv_lens import COUNTS, lens
+from calibrary.parsers.formats._lenses import COUNTS, lens
 
 ORIGIN_UNKNOWN = "the file does not say how its numbers came about; they were taken as derived"
 
@@ -96,11 +96,6 @@ def opencv_lens(node: Node, counts: Sequence[int] = COUNTS) -> Distortion:
     values = storage.numbers(node)
     strict.check_count(len(values), counts, place=node.place)
     return lens(values)
-
-
-def fisheye(values: Sequence[float]) -> KannalaBrandt:
-    """The model of cv2.fisheye from its four coefficients."""
-    return KannalaBrandt(**dict(zip(KannalaBrandt.names(), values, strict=True)))
 
 
 def size_of(node: Node) -> ImageSize:

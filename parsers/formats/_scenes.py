@@ -7,50 +7,155 @@ from __future__ import annotations
 
 import math
 import re
-import struct
 from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
-from calibrary.calibration import Calibration, Grade, ImageSize
-from calibrary.distortion import Distortion, NoDistortion
-from calibrary.errors import ParseError, UnsupportedModelError
+from calibrary.arrays import np
+from calibrary.calibration import Calibration, Grade, ImageSize, Quality
+from calibrary.distortion import (
+    Distortion,
+)
+from calibrary.errors import InputError, ParseError
+from calibrary.parsers import names
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
-from calibrary.parsers.convention import Convention, Origin, Tangential, Unit
+from calibrary.parsers.convention import Convention, Origin, Tangential
 from calibrary.parsers.document import Node
-from calibrary.parsers.format import ReadContext, Sniff, Sure
-from calibrary.parsers.formats._one_camera import ORIGIN_UNKNOWN, fisheye, refuse_model
-from calibrary.parsers.formats._opencv_lens import COUNTS, OPENCV_ORDER, lens
+from calibrary.parsers.format import Option, ReadContext, Sniff, Sure
+from calibrary.parsers.formats import _file_storage as storage
+from calibrary.parsers.formats._lenses import (
+    COUNTS,
+    OPENCV_ORDER,
+    field_of_view,
+    fisheye,
+    lens,
+    radial,
+)
+from calibrary.parsers.formats._one_camera import ORIGIN_UNKNOWN
 from calibrary.parsers.formats._table import (
+    MOST_BYTES,
+    UNKNOWN_LENS,
     Mark,
     Model,
     Named,
     Program,
-    field_of_view,
+    document_of,
     find,
     noted,
     numbers_at,
+    numbers_of,
     under,
     with_more,
 )
-from calibrary.parsers.formats._text_rows import rows_of, text_of
+from calibrary.parsers.formats._text_rows import keyed, rows_of, text_of
 from calibrary.parsers.formats._tree import NPY, arrays, names_of_arrays
-from calibrary.quality import Quality
+from calibrary.parsers.names import simplified
 from calibrary.records import Json, replace
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    pass
 
-JSON, TEXT, BINARY = (Syntax.JSON,), (Syntax.TEXT,), (Syntax.BINARY,)
-MOST_BYTES = 64 * 1024
-K4 = ("fx", "fy", "cx", "cy")
-UNKNOWN_LENS = {"": Model(lambda _: None)}
-IN_FRACTIONS = Convention(unit=Unit.EACH_SIDE, origin=Origin.CORNER)
+
+def _open3d_cameras(tree: Node, _context: ReadContext) -> Named:
+    if "intrinsic_matrix" in tree or "intrinsic" in tree:
+        yield None, find(tree, "intrinsic") or tree
+        return
+    for image in tree["parameters"].items():
+        yield image["intrinsic"].place, image["intrinsic"]
+
+
+def _runs_down_columns(node: Node) -> bool:
+    numbers = node["intrinsic_matrix"].value
+    return isinstance(numbers, list) and len(numbers) == 9 and numbers[2] == numbers[5] == 0
+
+
+def _open3d(_tree: Node, node: Node, item: Calibration) -> Calibration:
+    """With the coefficients that others add to Open3D's document, in OpenCV's order."""
+    key = next((key for key, _ in node.entries() if simplified(key) in names.COEFFICIENTS), None)
+    if key is None:
+        return item
+    values = storage.numbers(node[key])
+    strict.check_count(len(values), COUNTS[2:], place=node[key].place)
+    return noted(
+        replace(item, distortion=lens(values)), f"Open3D has no distortion; {key} was read in OpenCV's order"
+    )
+
+
+FIRST_OF_ITS_KIND = 0x80000000
+"""cereal's high bit: what follows is new, its name or its data comes with it."""
+
+
+UNNAMED = 0x40000000
+"""cereal's number for an object of the very class the pointer is declared for, which has no name."""
+
+
+OPENMVG_ORIGIN = (
+    "OpenMVG does not state if it counts from the centre of the first pixel or its corner; the centre was "
+    "assumed"
+)
+
+
+OPENMVG = {
+    "pinhole_radial_k1": Model(radial, ("disto_k1",), (1,)),
+    "pinhole_radial_k3": Model(radial, ("disto_k3",), (3,)),
+    "pinhole_brown_t2": Model(lambda k: lens((*k[:2], *k[3:], k[2])), ("disto_t2",), (5,)),
+    "fisheye": Model(fisheye, ("fisheye",), (4,)),
+    "pinhole": Model(),
+}
+
+
+def _openmvg_cameras(tree: Node, _context: ReadContext) -> Named:
+    """Each by its key with its class, cereal's abbreviations written out."""
+    names: dict[int, str] = {}
+    objects: dict[int, Node] = {}
+    for entry in tree["intrinsics"].items():
+        value = entry["value"]
+        number, wrapper = value["polymorphic_id"].whole(), value["ptr_wrapper"]
+        if number >= FIRST_OF_ITS_KIND:
+            names[number - FIRST_OF_ITS_KIND] = value["polymorphic_name"].text()
+        pointer = wrapper["id"].whole()
+        if pointer >= FIRST_OF_ITS_KIND:
+            objects[pointer - FIRST_OF_ITS_KIND] = wrapper["data"]
+        here = objects.get(pointer % FIRST_OF_ITS_KIND)
+        if here is None:
+            wrapper.fail(f"it points to object {pointer}, which does not come before it")
+        name = names.get(number % FIRST_OF_ITS_KIND)
+        if name is None and number != UNNAMED:
+            value.fail(f"its class has number {number}, to which no name was given before")
+        by_keys = next(kind for kind, model in OPENMVG.items() if set(model.numbers) <= set(here.keys()))
+        yield str(entry["key"].whole()), with_more(here, {"kind": name or by_keys})
+
+
+def _openmvg(tree: Node, node: Node, item: Calibration) -> Calibration:
+    """A start where nothing is posed and the camera is as OpenMVG makes it of EXIF or a table of sensors."""
+    (width, height), centre = item.intrinsics.image_size, node["principal_point"].numbers(2)
+    is_touched = centre != (width / 2, height / 2) or (
+        item.distortion is not None and any(item.distortion.coefficients.values())
+    )
+    posed = find(tree, "extrinsics")
+    origin = replace(
+        item.provenance,
+        tool=f"OpenMVG, sfm_data version {tree['sfm_data_version'].text()}",
+        tag=f"intrinsic {item.camera.sub_camera}",
+    )
+    item = noted(replace(item, provenance=origin), OPENMVG_ORIGIN)
+    if is_touched or (posed is not None and posed.items()):
+        return item
+    start = "no image is posed, so this is what OpenMVG starts from, out of EXIF or a table of sensors"
+    return noted(replace(item, grade=Grade.PRIOR), start)
+
+
 THEIA_RADIAL = "radial_distortion_coeffs"
+
+
 MOST_IMAGES = 100_000
+
+
 ARGOVERSE: Final[dict[str, ImageSize]] = {"image_raw_ring_": (1920, 1200), "image_raw_stereo_": (2464, 2056)}
 """Image sizes by the beginning of a camera's name."""
+
+
 ARGOVERSE_K = (
     "focal_length_x_px_",
     "focal_length_y_px_",
@@ -58,61 +163,20 @@ ARGOVERSE_K = (
     "focal_center_y_px_",
     "skew_",
 )
-DSO: Final = {"pinhole": (4, 5, 8), "fov": (5,), "radtan": (8,), "equidistant": (8,), "kannalabrandt": (8,)}
-"""How many numbers a model has; 4Seasons writes Equidistant, and eight numbers after Pinhole."""
-DSO_MODES = ("crop", "full", "none")
-DROID_LENGTHS = tuple(4 + count for count in COUNTS)
+
+
 NSVF_SHAPES = ((4, 3, 1, 1, 2), (4, 3, 1, 2), (4, 3, 1, 1, 2, 1), (4, 3, 1, 2, 1))
 """How many numbers each line has; the last may say which way the poses go."""
-SMALLEST_PX = 32.0
-"""A shorter focal length, or a principal point nearer the corner, is of no photograph."""
+
+
 EQUAL_PX = 0.01
 """K of single-precision matrices differ by less from image to image."""
-_WHOLE = re.compile(r"\d{1,7}(?:\.0*)?", re.ASCII)
+
+
 _WORLD = re.compile(r"world_mat_\d{1,7}")
+
+
 _SHAPE_OF_17 = re.compile(rb"'shape':\s*\(\d{1,9},\s*17\)")
-
-
-PARAM = ">2i12d"
-PARAM_FACTORS = {4: (1, 2), 6: (3,), 9: (4,), 17: (5,)}
-"""ARToolKit's versions by the count of dist_factor."""
-PARAM_LENGTHS = {struct.calcsize(f"{PARAM}{count}d"): count for count in PARAM_FACTORS}
-PARAM_AGREEMENT = 1e-3
-
-
-def _numbers_of(lines: Sequence[str]) -> list[tuple[float, ...]] | None:
-    """The numbers of each line; None if there is anything else."""
-    try:
-        return [strict.numbers(line) for line in lines]
-    except ParseError:
-        return None
-
-
-def _document(context: ReadContext, /, **values: Json) -> Node:
-    return Node(values, source=context.name)
-
-
-def _without_k4(values: Sequence[float]) -> Distortion:
-    k1, k2, k3 = values
-    return lens((k1, k2, 0.0, 0.0, k3))
-
-
-def _is_eight(content: Content) -> Sniff | None:
-    parts = (content.text or "").split(maxsplit=9)
-    if len(parts) != 8 or not all(_WHOLE.fullmatch(part) for part in parts[:2]) or not _numbers_of(parts):
-        return None
-    return Sniff(Sure.WEAK, "it is eight numbers, of which the first two could be an image size")
-
-
-def _eight(data: bytes, context: ReadContext) -> Node:
-    rows = rows_of(data, most=MOST_BYTES)
-    width, height, f, cx, cy, *k = strict.numbers(" ".join(rows), count=8)
-    if not (0 <= cx <= width and 0 <= cy <= height):
-        raise ParseError(
-            f"the principal point ({cx:g}, {cy:g}) lies outside the {width:g}×{height:g} image, so these are not the "
-            "eight numbers W H f ppx ppy k1 k2 k3"
-        )
-    return _document(context, size=[width, height], K=[f, f, cx, cy], k=[*k])
 
 
 def _argoverse_cameras(tree: Node, _context: ReadContext) -> Named:
@@ -133,93 +197,6 @@ def _argoverse(_tree: Node, node: Node, item: Calibration) -> Calibration:
     return noted(item, "distortion_coefficients_ is of the raw images; a rectified camera has no distortion")
 
 
-def _is_param(content: Content) -> Sniff | None:
-    """A length of a version, two small numbers, and the last row of a projection."""
-    data = content.data
-    if len(data) not in PARAM_LENGTHS or data[:2] != b"\0\0" or data[4:6] != b"\0\0":
-        return None
-    width, height, *numbers = struct.unpack_from(PARAM, data)
-    if numbers[8:11] != [0.0, 0.0, 1.0] or min(width, height) <= 0:
-        return None
-    return Sniff(Sure.MAGIC, f"{len(data)} bytes with a size and a 3×4 matrix, big-endian")
-
-
-def _param(data: bytes, context: ReadContext) -> Node:
-    if len(data) not in PARAM_LENGTHS:
-        raise ParseError(f"{len(data)} bytes, expected {' or '.join(map(str, PARAM_LENGTHS))}")
-    count = PARAM_LENGTHS[len(data)]
-    width, height, *numbers = struct.unpack(f"{PARAM}{count}d", data)
-    if not all(map(math.isfinite, numbers)):
-        raise ParseError("a number is not finite")
-    if count < 9:
-        raise UnsupportedModelError(
-            "it is of ARToolKit before version 5, whose distortion is a polynomial in px that has no counterpart here; "
-            "calibrate again with artoolkitX's calib_camera"
-        )
-    *k, fx, fy, cx, cy, s = numbers[12:]
-    if not min(fx, fy, s) > 0:
-        raise ParseError(
-            f"fx {fx:g}, fy {fy:g} and s {s:g}, expected numbers above zero", place="dist_factor"
-        )
-    if max(abs(numbers[0] * s / fx - 1), abs(numbers[5] * s / fy - 1)) > PARAM_AGREEMENT:
-        raise ParseError(
-            f"the matrix has {numbers[0]:g} and {numbers[5]:g}, and fx/s and fy/s are {fx / s:g} and {fy / s:g}",
-            place="mat",
-        )
-    return _document(context, size=[width, height], K=[fx, fy, cx, cy], k=[*k])
-
-
-def _is_droid(content: Content) -> Sniff | None:
-    """Nothing but one line of numbers, the first four of which could be a K in pixels."""
-    numbers = _numbers_of(content.lines) if len(content.lines) == 1 else None
-    if numbers is None or len(numbers[0]) not in DROID_LENGTHS:
-        return None
-    fx, fy = numbers[0][:2]
-    if min(numbers[0][:4]) < SMALLEST_PX or abs(fx - fy) > fx / 3:
-        return None
-    return Sniff(Sure.WEAK, f"one line of {len(numbers[0])} numbers, as fx fy cx cy and coefficients")
-
-
-def _droid(data: bytes, context: ReadContext) -> Node:
-    rows = [row for row in rows_of(data, most=MOST_BYTES) if row.strip()]
-    if len(rows) != 1:
-        raise ParseError(f"{len(rows)} lines of numbers, expected one")
-    fx, fy, cx, cy, *k = strict.numbers(rows[0], count=DROID_LENGTHS)
-    return _document(context, K=[fx, fy, cx, cy], k=[*k])
-
-
-def _is_dso(content: Content) -> Sniff | None:
-    """Four lines: a camera, two numbers, the kind of rectification, two numbers."""
-    if len(content.lines) != 4:
-        return None
-    first, size, rectified, made = content.lines
-    name = first.split()[0].lower()
-    counts = [len((_numbers_of([row]) or [()])[0]) for row in (first, size, rectified, made)]
-    is_camera = name in DSO or counts[0] in (5, 8)
-    is_rectified = rectified.split()[0] in DSO_MODES or counts[2] in (4, 5)
-    if not (is_camera and is_rectified and counts[1] == counts[3] == 2):
-        return None
-    return Sniff(Sure.MAGIC, f"four lines as DSO reads them, the third is {strict.shown(rectified)}")
-
-
-def _dso(data: bytes, context: ReadContext) -> Node:
-    """The first two lines; the last two are of the camera that DSO is to make."""
-    rows = [row for line in text_of(data, most=MOST_BYTES).splitlines() if (row := line.split())]
-    if len(rows) < 3:
-        raise ParseError(f"{len(rows)} lines, expected the camera, its image size and what to make")
-    row = rows[0]
-    named = row[0].lower() if row[0][:1].isalpha() else "radtan" if len(row) == 8 else "fov"
-    if named not in DSO:
-        refuse_model(row[0], tuple(DSO), place="line 1")
-    row = row[1:] if row[0][:1].isalpha() else row
-    fx, fy, cx, cy, *k = strict.numbers(" ".join(row), count=DSO[named], place="line 1")
-    size = strict.numbers(" ".join(rows[1]), count=2, place="line 2")
-    if named == "pinhole" and any(k):
-        raise ParseError("a Pinhole has no distortion, but there are numbers after K", place="line 1")
-    model = f"{named} in fractions" if max(cx, cy) < 1 else named
-    return _document(context, model=model, K=[fx, fy, cx, cy], k=[*k], size=[*size])
-
-
 def _is_llff(content: Content) -> Sniff | None:
     if not content.data.startswith(NPY) or not _SHAPE_OF_17.search(content.data[:4096]):
         return None
@@ -234,7 +211,7 @@ def _llff(data: bytes, context: ReadContext) -> Node:
     if rows.ndim != 2 or rows.shape[1] != 17 or not 0 < len(rows) <= MOST_IMAGES:
         raise ParseError(f"an array of shape {rows.shape}, expected rows of 17 numbers")
     views = Counter(map(tuple, rows[:, (4, 9, 14)].tolist()))
-    return _document(
+    return document_of(
         context,
         cameras={
             f"camera {number}": {"size": [width, height], "K": [f, f, 0.0, 0.0], "views": count}
@@ -252,29 +229,22 @@ def _is_neus(content: Content) -> Sniff | None:
 
 def _neus(data: bytes, context: ReadContext) -> Node:
     """K of the images, by the name of the first that has it, and how many have it."""
-    import numpy as np  # noqa: PLC0415  for these files alone
-
-    from calibrary.parsers.formats import projection_matrix  # noqa: PLC0415  loads numpy
-
-    images: dict[str, tuple[NDArray[np.float64], int]] = {}
+    images: dict[str, tuple[tuple[float, ...], int]] = {}
     for name, node in Node(arrays(data), source=context.name).entries():
         if not _WORLD.fullmatch(name):
             continue
-        K = projection_matrix.upper_triangle(np.array(node.matrix(4, 4))[:3, :3])
-        if not min(K[0, 0], K[1, 1]) >= projection_matrix.SMALLEST_FOCAL_PX:
-            raise ParseError(
-                "it decomposes into focal lengths that are not in px, expected K·[R | t]", place=name
-            )
-        same = next((one for one, (known, _) in images.items() if np.abs(known - K).max() < EQUAL_PX), name)
+        K = of_projection(node.matrix(4, 4)[:3], place=name)
+        alike = (one for one, (known, _) in images.items() if math.dist(known, K) < EQUAL_PX)
+        same = next(alike, name)
         first, count = images.get(same, (K, 0))
         images[same] = first, count + 1
     if not images:
         raise ParseError("there is no world_mat_0")
     cameras: dict[str, Json] = {}
     for name, (K, count) in images.items():
-        (fx, skew, cx), (_, fy, cy), _ = K.tolist()
-        cameras[name] = {"K": [fx, fy, cx, cy, skew if abs(skew) >= EQUAL_PX else 0.0], "views": count}
-    return _document(context, cameras=cameras)
+        skew = K[4] if abs(K[4]) >= EQUAL_PX else 0.0
+        cameras[name] = {"K": [*K[:4], skew], "views": count}
+    return document_of(context, cameras=cameras)
 
 
 def _counted(tree: Node, _context: ReadContext) -> Named:
@@ -290,7 +260,7 @@ def _mvsnet(data: bytes, context: ReadContext) -> Node:
     if not head.lstrip().startswith("extrinsic") or not word:
         raise ParseError("there are no lines 'extrinsic' and 'intrinsic'")
     numbers = [strict.number(part, place="intrinsic") for part in rest.split()[:9]]
-    return _document(context, intrinsic=[*numbers])
+    return document_of(context, intrinsic=[*numbers])
 
 
 def _is_mvsnet(content: Content) -> Sniff | None:
@@ -344,7 +314,7 @@ def _named_cameras(tree: Node, _context: ReadContext) -> Named:
 
 def _is_nsvf(content: Content) -> Sniff | None:
     """Lines of four, three, one and two numbers."""
-    rows = _numbers_of(content.lines) if 4 <= len(content.lines) <= 6 else None
+    rows = numbers_of(content.lines) if 4 <= len(content.lines) <= 6 else None
     if rows is None or (shape := tuple(map(len, rows))) not in NSVF_SHAPES:
         return None
     return Sniff(Sure.SHAPE, f"lines of {', '.join(map(str, shape))} numbers")
@@ -358,7 +328,7 @@ def _nsvf(data: bytes, context: ReadContext) -> Node:
         raise ParseError(f"lines of {listed or 'no'} numbers, expected 4, 3, 1, (1,) 2")
     first, second, third, fourth = rows[0]
     K = [first, first, second, third] if fourth == 0 else [first, second, third, fourth]
-    return _document(context, K=[*K], size=[*rows[shape.index(2)][::-1]])
+    return document_of(context, K=[*K], size=[*rows[shape.index(2)][::-1]])
 
 
 def _nuscenes_cameras(tree: Node, _context: ReadContext) -> Named:
@@ -400,58 +370,135 @@ def _theia(tree: Node, _node: Node, item: Calibration) -> Calibration:
     return noted(item, note) if without else item
 
 
-def _record3d(tree: Node, _node: Node, item: Calibration) -> Calibration:
-    """How far the frames, whose focus changes, differ from K."""
-    frames, fx = find(tree, "perFrameIntrinsicCoeffs"), item.intrinsics.fx
-    focals = [row.numbers(4)[0] for row in frames.items()] if frames is not None else []
-    if not focals or (min(focals) == fx == max(focals)):
-        return item
-    spread = f"{min(focals):.5g} to {max(focals):.5g} px; K has {fx:.5g}"
-    return noted(item, f"the focal length of the {len(focals)} frames is {spread}")
-
-
 def _gaussian_cameras(tree: Node, _context: ReadContext) -> Named:
     for node in tree.items():
         yield str(node["img_name"].value), with_more(node, {"cx": 0.0, "cy": 0.0})
 
 
-SCENES: Final = (
-    Program(
-        name="alicevision_cal",
-        title="AliceVision (POPART) calibration of eight numbers",
-        words="""\
-AliceVision's (POPART's) ``.cal``: eight bare numbers of a camera.
+KITTI_IMAGES = Option(
+    name="images",
+    values=("raw", "rectified"),
+    meaning="whether the images are as they were taken (K and D) or rectified (P_rect)",
+)
+KITTI_ORIGIN = "KITTI does not document its pixel origin; OpenCV's was taken"
+KITTI_RAW = "this is the camera of the raw images; --set images=rectified gives the rectified ones"
+_KITTI = re.compile(r"(\w+):[ \t]*(.*)")
+_RAW = re.compile(r"K_(\d\d)")
+_PROJECTION = re.compile(r"P(\d)")
 
-In the format's own words::
 
-    W H f ppx ppy k1 k2 k3
+def _is_kitti(content: Content) -> Sniff | None:
+    """The line K_00, or the lines P0 and P1 with twelve numbers each."""
+    text = content.text or ""
+    if "P0:" not in text and "K_" not in text:
+        return None
+    names = {match[1]: len(match[2].split()) for line in content.lines if (match := _KITTI.fullmatch(line))}
+    raw = next((name for name in names if _RAW.fullmatch(name)), None)
+    if raw is not None and {f"S_{raw[2:]}", f"D_{raw[2:]}"} <= names.keys():
+        return Sniff(Sure.MAGIC, f"the lines S_{raw[2:]}, {raw} and D_{raw[2:]}")
+    if names.get("P0") == names.get("P1") == 12:
+        return Sniff(Sure.SHAPE, "the lines P0 and P1 with twelve numbers each")
+    return None
 
-separated by white space. ``f`` is the mean of fx and fy. The principal point is that of OpenCV's matrix, unchanged. The
-program that writes the file omits the two tangential coefficients of OpenCV's five. Nothing in the file identifies it,
-so it is read in this format only if no other format recognises it.
 
-(Meshroom's CameraCalibration node writes OpenCV's own storage format under the same ending.)
+def _kitti_cameras(tree: Node, context: ReadContext) -> Named:
+    """Every camera by its number."""
+    images = context.option(KITTI_IMAGES.name)
+    raw = [match[1] for name, _ in tree.entries() if (match := _RAW.fullmatch(name))]
+    for number in raw:
+        if images == "rectified":
+            yield number, _kitti_rectified(tree, f"P_rect_{number}", f"S_rect_{number}")
+            continue
+        K, D = (_row_of(tree, f"{key}_{number}", count) for key, count in (("K", 9), ("D", 5)))
+        size, kind = _row_of(tree, f"S_{number}", 2), "raw beside" if f"P_rect_{number}" in tree else "raw"
+        yield (
+            number,
+            Node({"K": K, "D": D, "size": size, "kind": kind}, source=tree.source, place=f"K_{number}"),
+        )
+    rectified = [match[1] for name, _ in tree.entries() if not raw and (match := _PROJECTION.fullmatch(name))]
+    if not raw and not rectified:
+        tree.fail("there is neither a K_00 nor a P0")
+    if rectified and images == "raw":
+        raise InputError(
+            "the file knows the rectified images only; the raw ones are in calib_cam_to_cam.txt",
+            source=tree.source,
+        )
+    yield from ((number, _kitti_rectified(tree, f"P{number}", "")) for number in rectified)
 
-Source: AliceVision, ``dataio/IFeed.cpp``, readCalibrationFromFile, and the calibration's ``exportData``.
-""",
-        suffixes=(".cal", ".txt"),
-        reference="https://github.com/alicevision/AliceVision",
-        syntaxes=TEXT,
-        convention=Convention(
-            origin=Origin.PIXEL_CENTRE,
-            tangential=Tangential.NONE,
-            coefficients=("k1", "k2", "k3"),
-            remarks=("one focal length, the mean of fx and fy",),
-        ),
-        recognise=_is_eight,
-        load=_eight,
-        K=("K",),
-        size=("size",),
-        models={"": Model(_without_k4, ("k",))},
-        finish=lambda _tree, _node, item: noted(
-            item, "the format omits tangential terms and the difference of fx and fy"
-        ),
-    ),
+
+def _kitti_rectified(tree: Node, name: str, size: str) -> Node:
+    P = _row_of(tree, name, 12)
+    if P[4] != 0 or P[8:11] != [0, 0, 1]:
+        tree[name].fail("this is not a projection matrix of a rectified camera")
+    K = [*P[:3], *P[4:7], *P[8:11]]
+    more: dict[str, Json] = {"size": _row_of(tree, size, 2)} if size else {}
+    return Node({"K": K, "kind": "rectified", **more}, source=tree.source, place=name)
+
+
+def _row_of(tree: Node, name: str, count: int) -> list[Json]:
+    return [*strict.numbers(tree[name].text(), count=count, source=tree.source, place=name)]
+
+
+def _kitti(tree: Node, node: Node, item: Calibration) -> Calibration:
+    date = find(tree, "calib_time")
+    item = replace(
+        item, provenance=replace(item.provenance, date=None if date is None else date.text() or None)
+    )
+    return noted(item, KITTI_ORIGIN, *((KITTI_RAW,) if node["kind"].value == "raw beside" else ()))
+
+
+P_LONGEST = 4000
+P_NOTE = "K was decomposed from a projection matrix; the pose in it was left alone"
+P_BARE = "a bare matrix does not say how it came about; taken as derived"
+SMALLEST_FOCAL_PX = 2.0
+"""A pose by itself, [R | t], decomposes into a K with focal lengths of 1."""
+SINGULAR = 1e-12
+
+
+def _is_projection(content: Content) -> Sniff | None:
+    rows = numbers_of(content.lines) if len(content.data) <= P_LONGEST and len(content.lines) == 3 else None
+    if rows is None or [*map(len, rows)] != [4, 4, 4]:
+        return None
+    return Sniff(Sure.WEAK, "it is three rows of four numbers, as a projection matrix")
+
+
+def _projection(data: bytes, context: ReadContext) -> Node:
+    rows = [row for row in text_of(data, most=P_LONGEST).splitlines() if row.strip()]
+    if len(rows) != 3:
+        raise ParseError(f"{len(rows)} rows of numbers, expected 3")
+    fx, fy, cx, cy, skew = of_projection([strict.numbers(row, count=4) for row in rows])
+    return document_of(context, K=[fx, fy, cx, cy, skew])
+
+
+def of_projection(P: Sequence[Sequence[float]], place: str | None = None) -> tuple[float, ...]:
+    """fx, fy, cx, cy and the skew of K, in px, of P = K·[R | t] up to a factor.
+
+    Rows and columns in reverse turn RQ into numpy's QR. A sign of P as a whole, and a mirrored world, end up
+    in R.
+
+    Raises:
+        ParseError: its left 3×3 part is singular, or K is not in px.
+    """
+    M = np.array(P)[:, :3]
+    scale = float(np.abs(M).max())
+    if not scale > 0 or np.linalg.svd(M / scale, compute_uv=False)[-1] < SINGULAR:
+        raise ParseError(
+            "its left 3×3 part has no inverse, so it is not a camera at a finite place", place=place
+        )
+    reversed_rows = np.linalg.qr((M / scale)[::-1].T)[1]
+    upper = reversed_rows.T[::-1, ::-1]
+    upper = upper * np.sign(np.diag(upper))
+    (fx, skew, cx), (_, fy, cy), _ = (upper / upper[2, 2]).tolist()
+    if not min(fx, fy) >= SMALLEST_FOCAL_PX:
+        raise ParseError(
+            f"it decomposes into focal lengths of {fx:.3g} and {fy:.3g}, which are not in px: this is a "
+            "pose or a normalised matrix, expected P = K·[R | t]",
+            place=place,
+        )
+    return fx, fy, cx, cy, skew
+
+
+ROWS: Final = (
     Program(
         name="argoverse",
         title="Argoverse vehicle calibration",
@@ -475,7 +522,6 @@ Source: argoverse-api, ``argoverse/utils/calibration.py``: ``CameraConfig`` ("di
 """,
         suffixes=(".json",),
         reference="https://github.com/argoverse/argoverse-api",
-        syntaxes=JSON,
         convention=Convention(
             origin=Origin.PIXEL_CENTRE,
             tangential=Tangential.NONE,
@@ -487,123 +533,8 @@ Source: argoverse-api, ``argoverse/utils/calibration.py``: ``CameraConfig`` ("di
         K=ARGOVERSE_K,
         size=("size",),
         model=("kind",),
-        models={"raw": Model(_without_k4, ("distortion_coefficients_",), (3,)), "rectified": Model()},
+        models={"raw": Model(radial, ("distortion_coefficients_",), (3,)), "rectified": Model()},
         finish=_argoverse,
-    ),
-    Program(
-        name="artoolkit_param",
-        title="ARToolKit 5 and artoolkitX camera_para.dat",
-        words="""\
-ARToolKit's ``camera_para.dat``: the camera of ARToolKit 5 and artoolkitX, as big-endian binary numbers.
-
-In the format's own words::
-
-    int32 xsize, ysize
-    double mat[3][4]                      fx/s  0  cx  0 …   of the undistorted image
-    double dist_factor[9]                 version 4: k1 k2 p1 p2 fx fy cx cy s
-    double dist_factor[17]                version 5: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 fx fy cx cy s
-
-The distortion is OpenCV's: x = (u − cx)·s/fx of an undistorted pixel, whose image is fx·x'(x, y) + cx. So K has
-dist_factor's fx, fy, cx, cy. The version is told by the length. Versions 1 to 3 have a polynomial of their own with
-four to six numbers, and are refused.
-
-Source: artoolkitX, ``AR/paramDistortion.c``, ``arParamIdeal2Observ``; ``paramFile.c``.
-""",
-        suffixes=(".dat",),
-        reference="https://github.com/artoolkitx/artoolkitx",
-        syntaxes=BINARY,
-        convention=Convention(
-            origin=Origin.PIXEL_CENTRE,
-            coefficients=OPENCV_ORDER[:12],
-            remarks=(
-                "fx, fy, cx and cy of K are in dist_factor, and the matrix is that of the undistorted image",
-            ),
-        ),
-        recognise=_is_param,
-        load=_param,
-        K=("K",),
-        size=("size",),
-        models={"": Model(lens, ("k",))},
-    ),
-    Program(
-        name="droid_calib",
-        title="DROID-SLAM calibration (fx fy cx cy …)",
-        words="""\
-DROID-SLAM's calibration, one line of numbers, which DPVO, MASt3R-SLAM's kin and many scripts read as well.
-
-In the format's own words (``calib/tum3.txt``, ``calib/barn.txt``, ``calib/euroc.txt``)::
-
-    535.4 539.2 320.1 247.6
-    458.654 457.296 367.215 248.375 -0.28340811 0.07395907 0.00019359 1.76187114e-05
-
-They are fx, fy, cx, cy, followed by any coefficients that ``cv2.undistort`` takes: k1 k2 p1 p2, k3, and k4 k5 k6. The
-program scales K with the images, so the file does not state their size.
-
-Source: DROID-SLAM, ``demo.py``, ``image_stream``.
-""",
-        suffixes=(".txt",),
-        reference="https://github.com/princeton-vl/DROID-SLAM",
-        syntaxes=TEXT,
-        convention=Convention(
-            origin=Origin.PIXEL_CENTRE,
-            coefficients=OPENCV_ORDER[:8],
-            remarks=("one line: fx, fy, cx, cy and the coefficients",),
-        ),
-        recognise=_is_droid,
-        load=_droid,
-        K=("K",),
-        size=(),
-        models={"": Model(lens, ("k",))},
-    ),
-    Program(
-        name="dso_camera",
-        title="DSO camera.txt (TUM monoVO, 4Seasons)",
-        words="""\
-DSO's ``camera.txt``, which LSD-SLAM and the TUM monoVO, 4Seasons and VI datasets' tools share.
-
-In the format's own words::
-
-    RadTan 458.654 457.296 367.215 248.375 -0.2834 0.0740 0.00019 0.00002
-    752 480                 # the images
-    crop                    # full, none, or "fx fy cx cy 0": the rectified camera that DSO is to make
-    640 480                 # its images
-
-The models are Pinhole, FOV (omega after K) and RadTan, EquiDistant, KannalaBrandt with four coefficients each; without
-a name five numbers are FOV, or Pinhole where the last is 0, and eight are RadTan. RadTan is OpenCV's k1 k2 p1 p2,
-EquiDistant and KannalaBrandt are cv2.fisheye's. Where cx and cy are below 1, all of K is in fractions of the sides,
-and the principal point counts from the corner of the first pixel: DSO takes half a pixel off. Else the numbers are
-K itself.
-
-Source: DSO, README.md "Geometric Calibration File" and ``src/util/Undistort.cpp``.
-""",
-        suffixes=(".txt",),
-        reference="https://github.com/JakobEngel/dso",
-        syntaxes=TEXT,
-        convention=Convention(
-            origin=Origin.PIXEL_CENTRE,
-            coefficients=OPENCV_ORDER[:4],
-            remarks=(
-                "EquiDistant's and KannalaBrandt's four are cv2.fisheye's k1, k2, k3, k4",
-                "where cx and cy are below 1, K is in fractions of each side, from the outer corner of the top-left "
-                "pixel",
-            ),
-        ),
-        recognise=_is_dso,
-        load=_dso,
-        K=("K",),
-        size=("size",),
-        model=("model",),
-        models={
-            name + unit: Model(made, numbers, convention=convention)
-            for unit, convention in (("", None), (" in fractions", IN_FRACTIONS))
-            for name, made, numbers in (
-                ("pinhole", lambda _: NoDistortion(), ()),
-                ("fov", field_of_view, ("k",)),
-                ("radtan", lens, ("k",)),
-                ("equidistant", fisheye, ("k",)),
-                ("kannalabrandt", fisheye, ("k",)),
-            )
-        },
     ),
     Program(
         name="gaussian_cameras",
@@ -623,7 +554,6 @@ Source: gaussian-splatting, ``utils/camera_utils.py``, ``camera_to_JSON``.
 """,
         suffixes=(".json",),
         reference="https://github.com/graphdeco-inria/gaussian-splatting",
-        syntaxes=JSON,
         convention=Convention(
             origin=Origin.IMAGE_CENTRE,
             tangential=Tangential.NONE,
@@ -637,6 +567,53 @@ Source: gaussian-splatting, ``utils/camera_utils.py``, ``camera_to_JSON``.
             "the file has no principal point; the program renders with it in the middle of the image",
         ),
         is_of_images=True,
+    ),
+    Program(
+        name="kitti",
+        title="KITTI calibration",
+        words="""\
+KITTI's calibration files: ``calib_cam_to_cam.txt`` of the raw recordings, ``calib.txt`` of the benchmarks.
+
+In the format's own words::
+
+    calib_time: 09-Jan-2012 13:57:47
+    S_00: 1392 512                    size of the images as they were taken
+    K_00: 984.2 0 690.0 0 980.8 233.2 0 0 1
+    D_00: -0.3728 0.2037 0.0022 0.0014 -0.0723        k1 k2 p1 p2 k3
+    R_00: … T_00: …
+    S_rect_00: 1242 375               size after rectification
+    R_rect_00: …
+    P_rect_00: 721.5 0 609.6 0 0 721.5 172.9 0 0 0 1 0
+
+The benchmarks' images are rectified, and their ``calib.txt`` has the projection matrices P0 … P3 alone, without
+the size of the images. In a rectified camera's P, K is the left 3×3.
+
+The pixel origin is not documented. It is read as OpenCV's, because the distortion model is OpenCV's.
+
+Source: A. Geiger et al., "Vision meets robotics: the KITTI dataset", 2013, and the development kit's readme.
+""",
+        suffixes=(".txt",),
+        reference="https://www.cvlibs.net/datasets/kitti/raw_data.php",
+        convention=Convention(
+            origin=Origin.PIXEL_CENTRE,
+            coefficients=OPENCV_ORDER[:5],
+            remarks=("the origin is not documented; OpenCV's was taken",),
+        ),
+        recognise=_is_kitti,
+        load=lambda data, context: keyed(data, context.name, sign=":"),
+        cameras=_kitti_cameras,
+        K="K",
+        size=("size",),
+        model=("kind",),
+        models={
+            "raw": Model(lens, ("D",)),
+            "raw beside": Model(lens, ("D",)),
+            "rectified": Model(),
+        },
+        is_always_named=True,
+        finish=_kitti,
+        states=("date",),
+        options=(KITTI_IMAGES,),
     ),
     Program(
         name="llff_npy",
@@ -655,7 +632,6 @@ Source: LLFF, README "Using your own poses without running COLMAP"; ``llff/poses
 """,
         suffixes=(".npy",),
         reference="https://github.com/Fyusion/LLFF",
-        syntaxes=BINARY,
         convention=Convention(
             origin=Origin.IMAGE_CENTRE,
             tangential=Tangential.NONE,
@@ -702,7 +678,6 @@ row by row; ``mvsnet/colmap2mvsnet.py``, which writes them; ``mvsnet/homography_
 """,
         suffixes=(".txt",),
         reference="https://github.com/YoYo000/MVSNet",
-        syntaxes=TEXT,
         convention=Convention(
             origin=Origin.CORNER,
             tangential=Tangential.NONE,
@@ -748,7 +723,6 @@ file format".
 """,
         suffixes=(".txt",),
         reference="https://vision.middlebury.edu/stereo/data/scenes2014/",
-        syntaxes=TEXT,
         convention=Convention(
             origin=Origin.PIXEL_CENTRE,
             tangential=Tangential.NONE,
@@ -786,7 +760,6 @@ Sources: IDR, ``code/utils/rend_util.py``, ``load_K_Rt_from_P``; NeuS, ``models/
 """,
         suffixes=(".npz",),
         reference="https://github.com/lioryariv/idr/blob/main/DATA_CONVENTION.md",
-        syntaxes=BINARY,
         convention=Convention(
             origin=Origin.PIXEL_CENTRE,
             tangential=Tangential.NONE,
@@ -824,7 +797,6 @@ Source: scene-representation-networks, ``util.py``, ``parse_intrinsics``; NSVF, 
 """,
         suffixes=(".txt",),
         reference="https://github.com/facebookresearch/NSVF",
-        syntaxes=TEXT,
         convention=Convention(
             origin=Origin.CORNER,
             tangential=Tangential.NONE,
@@ -858,7 +830,6 @@ Source: nuScenes, ``docs/schema_nuscenes.md``, "calibrated_sensor".
 """,
         suffixes=(".json",),
         reference="https://www.nuscenes.org/nuscenes#data-format",
-        syntaxes=JSON,
         convention=Convention(
             origin=Origin.PIXEL_CENTRE,
             tangential=Tangential.NONE,
@@ -875,70 +846,123 @@ Source: nuScenes, ``docs/schema_nuscenes.md``, "calibrated_sensor".
         most=MOST_IMAGES,
     ),
     Program(
-        name="polycam",
-        title="Polycam camera",
+        name="open3d",
+        title="Open3D camera and trajectory",
         words="""\
-Polycam's cameras: JSON of fx, fy, cx, cy and a pose, one file for each image.
+Open3D's ``PinholeCameraIntrinsic`` and ``PinholeCameraTrajectory`` in JSON.
 
 In the format's own words::
 
-    {"fx": 1360.2, "fy": 1360.2, "cx": 514.9, "cy": 385.3, "width": 1024, "height": 768, "t_00": 0.7, …}
+    {"width": 640, "height": 480, "intrinsic_matrix": [621.4, 0, 0,  0, 621.4, 0,  313.7, 240.0, 1]}
+    {"class_name": "PinholeCameraTrajectory", "parameters": [{"intrinsic": {…}, "extrinsic": […]}, …]}
+    {"class_name": "PinholeCameraParameters", "intrinsic": {…}, "extrinsic": […]}
 
-The numbers are ARKit's, which count from the corner of the image. The images are not corrected, and no distortion is
-stated.
+The matrix is Eigen's, column by column. A trajectory has a camera for each image; those with the same numbers are one.
+Open3D projects pixel (u, v) of an image by u = fx·x/z + cx with whole numbers at the pixels' centres, and knows no
+distortion: its images are undistorted, or nobody took care, so the distortion is unknown.
 
-Sources: Polycam, "Raw data export", whose program is closed; nerfstudio, ``process_data/polycam_utils.py``, which
-copies the numbers unchanged to a transforms.json, and ``cameras/cameras.py``, ``get_image_coords``, which has the
-pixels' centres at 0.5, 1.5, … of it.
+Sources: Open3D, ``cpp/open3d/camera/PinholeCameraIntrinsic.cpp``, ``ConvertToJsonValue``;
+``geometry/PointCloudFactory.cpp``.
 """,
         suffixes=(".json",),
-        reference="https://github.com/PolyCam/polyform",
-        syntaxes=JSON,
+        reference="https://www.open3d.org/docs/release/python_api/open3d.camera.PinholeCameraIntrinsic.html",
         convention=Convention(
-            origin=Origin.CORNER,
-            remarks=("every number has its name",),
+            origin=Origin.PIXEL_CENTRE,
+            tangential=Tangential.NONE,
+            remarks=("the matrix is written column by column", "no distortion"),
         ),
-        marks=(Mark((*K4, "t_00", "t_01")),),
-        K=K4,
-        asks_origin=True,
-        models=UNKNOWN_LENS,
+        marks=(
+            Mark(("width", "height", "intrinsic_matrix"), holds=_runs_down_columns),
+            *(
+                Mark(("class_name",), words=(f'"PinholeCamera{kind}"',))
+                for kind in ("Trajectory", "Parameters")
+            ),
+        ),
+        cameras=_open3d_cameras,
+        K="intrinsic_matrix",
+        is_transposed=True,
+        models={"": Model(lambda _: None)},
+        grade=Grade.DERIVED,
+        assumptions=(ORIGIN_UNKNOWN,),
+        is_of_images=True,
+        finish=_open3d,
     ),
     Program(
-        name="record3d",
-        title="Record3D metadata.json",
+        name="openmvg",
+        title="OpenMVG sfm_data.json",
         words="""\
-Record3D's ``metadata.json``: the camera of an iPhone's or iPad's recording with depth.
+OpenMVG's ``sfm_data.json``: cameras among views and poses, as the serialisation library cereal writes them.
 
 In the format's own words::
 
-    {"w": 1440, "h": 1920, "dw": 192, "dh": 256, "fps": 60,
-     "K": [1347.6, 0, 0, 0, 1347.6, 0, 720.2, 965.7, 1],
-     "perFrameIntrinsicCoeffs": [[1347.6, 1347.6, 720.2, 965.7], …], "poses": […]}
+    {"sfm_data_version": "0.3", "views": […], "intrinsics": [{"key": 0, "value": {
+       "polymorphic_id": 2147483649, "polymorphic_name": "pinhole_radial_k3",
+       "ptr_wrapper": {"id": 2147483660, "data": {"width": 4000, "height": 3000, "focal_length": 2856.4,
+         "principal_point": [1992.3, 1520.1], "disto_k3": [-0.02, 0.01, 0.0]}}}}], "extrinsics": […]}
 
-K runs down the columns. ARKit's autofocus changes it from frame to frame; calibrary reads the file's own K and reports
-how far the frames differ from it. Apple counts from the top-left corner of the image. The phone rectifies the images to
-an unknown degree, so the distortion is not stated.
+cereal names a class once: later cameras of the class have only its number, ``polymorphic_id``, without the high
+bit; and a camera that occurs twice has its ``data`` once. There is one focal length, in pixels. ``disto_t2`` of
+``pinhole_brown_t2`` is k1 k2 k3 t1 t2 with OpenCV's p1, p2 as t1, t2; ``fisheye`` is OpenCV's. Whether pixels
+count from their corners or centres is not documented: these are read as OpenCV's.
 
-Sources: Record3D, "Exported metadata", whose program is closed; nerfstudio, ``process_data/record3d_utils.py``, which
-transposes K and puts the principal point into the middle; Apple, "ARCamera.intrinsics".
+Without extrinsics nothing has been adjusted, and the camera comes only from EXIF and a table of sensors.
+
+Sources: OpenMVG, ``src/openMVG/cameras`` and its documentation, "SfM data format".
 """,
         suffixes=(".json",),
-        reference="https://record3d.app/",
-        syntaxes=JSON,
+        reference="https://openmvg.readthedocs.io/en/latest/software/SfM/SfM_OutputFormat/",
         convention=Convention(
-            origin=Origin.CORNER,
+            origin=Origin.PIXEL_CENTRE,
+            coefficients=("k1", "k2", "k3", "t1", "t2"),
+            remarks=(
+                "one focal length",
+                "the origin is not documented: it is read as the centre of the top-left pixel",
+            ),
+        ),
+        marks=(Mark(("sfm_data_version",)),),
+        cameras=_openmvg_cameras,
+        K=("focal_length", "focal_length", "principal_point"),
+        model=("kind",),
+        models=OPENMVG,
+        grade=Grade.ADJUSTED,
+        most=1_000_000,
+        finish=_openmvg,
+        states=("tool",),
+    ),
+    Program(
+        name="projection_matrix",
+        title="3×4 projection matrix",
+        words="""\
+A 3×4 projection matrix by itself, as self-calibration and multi-view programs save it (``*.Pmat.cal``, ``.P``).
+
+In the format's own words::
+
+    p11 p12 p13 p14
+    p21 p22 p23 p24
+    p31 p32 p33 p34
+
+with s·(u, v, 1) = P·(X, Y, Z, 1). P = K·[R | t] up to a factor, so K is the upper triangle of the decomposition M = K·R
+of its left 3×3 part, made positive on the diagonal. It contains neither the lens distortion nor the image size. The
+file does not state whether u and v count from the top-left pixel's centre or corner.
+
+Source: R. Hartley and A. Zisserman, "Multiple View Geometry in Computer Vision", 2nd ed., section 6.2.4.
+""",
+        suffixes=(".cal", ".p", ".txt"),
+        reference="https://github.com/strawlab/MultiCamSelfCal",
+        convention=Convention(
+            origin=Origin.PIXEL_CENTRE,
             tangential=Tangential.NONE,
-            remarks=("K runs down the columns", "the distortion is not stated"),
+            remarks=("K comes from an RQ decomposition; the file contains no distortion and no image size",),
         ),
-        marks=tuple(Mark(("K", "w", "h", key)) for key in ("dw", "perFrameIntrinsicCoeffs", "poses")),
-        K="K",
-        is_transposed=True,
-        size=("w", "h"),
-        models={"": Model(lambda _: None)},
-        assumptions=(
-            "Apple counts from the top-left corner of the image, which was taken for the first pixel's outer corner",
-        ),
-        finish=_record3d,
+        recognise=_is_projection,
+        load=_projection,
+        K=("K[0:1]", "K[1:2]", "K[2:3]", "K[3:4]", "K[4:]"),
+        asks_origin=True,
+        size=(),
+        models=UNKNOWN_LENS,
+        grade=Grade.DERIVED,
+        assumptions=(P_BARE,),
+        finish=lambda _tree, _node, item: noted(item, P_NOTE),
     ),
     Program(
         name="theia_priors",
@@ -962,7 +986,7 @@ Source: TheiaSfM, ``src/theia/io/read_calibration.h`` and ``sfm/camera/pinhole_r
 """,
         suffixes=(".json", ".txt"),
         reference="https://github.com/sweeneychris/TheiaSfM",
-        syntaxes=JSON,
+        syntaxes=(Syntax.JSON,),
         convention=Convention(
             origin=Origin.PIXEL_CENTRE,
             coefficients=("k1", "k2", "k3", "p1", "p2"),

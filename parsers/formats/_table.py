@@ -1,6 +1,6 @@
 """Formats that are a K and a lens under a program's own names: what a row of their table says, and how it is read.
 
-The rows are in ``_programs``, ``_robots`` and, of scenes and data sets, ``_scenes``. A row names where its numbers
+The rows are in :data:`FILES`, by the kind of program. A row names where its numbers
 stand by paths: ``intrinsics.fx``, ``params[4:8]``, and ``cam_fx|A11`` for the first of two that is there. A file
 without names is made a document by the row's ``load``. A format that needs more than that is a module of its own.
 """
@@ -8,6 +8,7 @@ without names is made a document by the row's ``load``. A format that needs more
 from __future__ import annotations
 
 import json
+import math
 import re
 import tomllib
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -17,14 +18,7 @@ from typing import TYPE_CHECKING, TypeAlias
 from msgspec import Struct, field
 
 from calibrary.calibration import Calibration, Grade, ImageSize
-from calibrary.distortion import (
-    Distortion,
-    DoubleSphere,
-    ExtendedUnified,
-    FieldOfView,
-    NoDistortion,
-    Unified,
-)
+from calibrary.distortion import Distortion, NoDistortion
 from calibrary.errors import InputError, ParseError
 from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
@@ -33,6 +27,7 @@ from calibrary.parsers.document import Node, accounted
 from calibrary.parsers.format import Capacity, Format, Option, ReadContext, Sniff, Sure, Write
 from calibrary.parsers.formats import _file_storage as storage
 from calibrary.parsers.formats._json_text import loaded
+from calibrary.parsers.formats._lenses import taylor_lens, upper_triangle
 from calibrary.parsers.formats._one_camera import ORIGIN, camera, chosen_origin, native_of, refuse_model
 from calibrary.parsers.formats._text_rows import text_of
 from calibrary.parsers.formats._tree import MAX_BYTES
@@ -42,7 +37,22 @@ from calibrary.records import Json, replace
 if TYPE_CHECKING:
     from lxml.etree import _Element
 
+FILES = ("_aerial", "_devices", "_scenes", "_slam", "_toolboxes")
+"""Modules with the rows of photogrammetry, of cameras' makers, of scenes and data sets, of SLAM, of calibrating."""
+SYNTAXES = {
+    ".json": Syntax.JSON,
+    ".xml": Syntax.XML,
+    ".npy": Syntax.BINARY,
+    ".npz": Syntax.BINARY,
+    ".dat": Syntax.BINARY,
+}
+"""Of the usual suffixes; all others are of text."""
+MOST_BYTES = 64 * 1024
+"""Of a text with one camera; a hundred times what it contains."""
 MOST_CAMERAS = 1000
+K4 = ("fx", "fy", "cx", "cy")
+OF_RAY = ("ray.fx", "ray.fy", "ray.cx", "ray.cy", "ray.skew")
+FOUR = "a fisheye's four are k1, k2, k3, k4"
 WITH_SKEW = 5
 ANY = "*"
 """The first of a table, whatever its key."""
@@ -95,12 +105,16 @@ class Model(Struct, frozen=True):
     convention: Convention | None = None
 
 
+UNKNOWN_LENS = {"": Model(lambda _: None)}
+
+
 class Program(Struct, frozen=True, kw_only=True):
     """A row: a format of a program.
 
     Attributes:
-        name, title, suffixes, syntaxes, roots, reference, convention, options, idle: as in
+        name, title, suffixes, roots, reference, convention, options, idle: as in
             :class:`~calibrary.parsers.format.Format`.
+        syntaxes: if they are not those of the suffixes.
         words: the format in its own words, and the source.
         marks: any of which a file has.
         recognise: recognises a file without names, in place of the marks.
@@ -114,6 +128,7 @@ class Program(Struct, frozen=True, kw_only=True):
         models: the models by their names; under the empty name what a file without a name has.
         grade: of K.
         assumptions: what is assumed of every file.
+        is_always_named: whether a camera has its name also where it is alone.
         is_of_images: whether cameras stand once for each image, so that equal ones are one.
         most: cameras that are read.
         finish: adds what else the file states of a camera, from the document and the camera's table.
@@ -124,7 +139,7 @@ class Program(Struct, frozen=True, kw_only=True):
     title: str
     words: str
     suffixes: tuple[str, ...]
-    syntaxes: tuple[Syntax, ...]
+    syntaxes: tuple[Syntax, ...] = ()
     reference: str
     convention: Convention
     marks: tuple[Mark, ...] = ()
@@ -140,6 +155,7 @@ class Program(Struct, frozen=True, kw_only=True):
     models: Mapping[str, Model] = field(default_factory=lambda: {"": Model()})
     grade: Grade = Grade.CALIBRATED
     assumptions: tuple[str, ...] = ()
+    is_always_named: bool = False
     is_of_images: bool = False
     most: int = MOST_CAMERAS
     options: tuple[Option, ...] = ()
@@ -156,7 +172,7 @@ class Program(Struct, frozen=True, kw_only=True):
             title=self.title,
             words=self.words,
             suffixes=self.suffixes,
-            syntaxes=self.syntaxes,
+            syntaxes=self.syntaxes or tuple({SYNTAXES.get(one, Syntax.TEXT) for one in self.suffixes}),
             roots=self.roots,
             reference=self.reference,
             convention=self.convention,
@@ -218,6 +234,42 @@ def with_rest(item: Calibration, node: Node, prefix: str, own: Collection[str]) 
 def rest_of(item: Calibration, prefix: str) -> dict[str, str]:
     """What :func:`with_rest` kept, by its keys."""
     return {key.removeprefix(prefix): text for key, text in item.extras if key.startswith(prefix)}
+
+
+def document_of(context: ReadContext, /, **values: Json) -> Node:
+    """The document of a file without names."""
+    return Node(values, source=context.name)
+
+
+def numbers_of(lines: Sequence[str]) -> list[tuple[float, ...]] | None:
+    """The numbers of each line; None if there is anything else."""
+    try:
+        return [strict.numbers(line) for line in lines]
+    except ParseError:
+        return None
+
+
+def taylor(values: Sequence[float]) -> Distortion:
+    """The lens of a ray's polynomial of the radius in px."""
+    return taylor_lens(values, place="")[0]
+
+
+def with_turn(node: Node, terms: Node, affine: Sequence[float], centre: Sequence[float], place: str) -> Node:
+    """A camera of a ray's polynomial and of the matrix s·(1 e; d c), with K and the angle to its frame."""
+    _, f = taylor_lens(terms.numbers(), place=terms.place or "")
+    s, c, d, e = affine
+    fx, skew, fy, turn = upper_triangle(f * s, c, d, e, place=place)
+    cx, cy = centre
+    return with_more(node, {"ray": {"fx": fx, "fy": fy, "cx": cx, "cy": cy, "skew": skew, "turn": turn}})
+
+
+def turned(node: Node, item: Calibration, whose: str) -> Calibration:
+    """With the note that the camera's frame is turned, where it is."""
+    found = find(node, "ray.turn")
+    if found is None or not found.number():
+        return item
+    angle = math.degrees(found.number())
+    return noted(item, f"the camera's frame is turned about its axis by {angle:.4f}° against {whose}")
 
 
 def noted(item: Calibration, *notes: str) -> Calibration:
@@ -294,27 +346,25 @@ def _all_numbers(node: Node) -> Sequence[float]:
 def _sniff(row: Program, content: Content) -> Sniff | None:
     """The first of the marks that the file has."""
     for mark in row.marks:
-        text = content.text or ""
-        if not all(word in text for word in (*mark.words, *mark.inner)):
+        if not _has(content, mark) or not all(word in (content.text or "") for word in mark.words):
             continue
-        if _has(content, mark) and set(mark.inner) <= _first_words(content, mark):
+        if not mark.inner or set(mark.inner) <= _first_words(content):
             under = f" under {mark.at}" if mark.at else ""
             return Sniff(mark.sure, f"the names {', '.join((*mark.keys, *mark.inner, *mark.words))}{under}")
     return None
 
 
-def _first_words(content: Content, mark: Mark) -> set[str]:
-    found = (_FIRST_WORD.match(line) for line in content.lines) if mark.inner else ()
-    return {match[1] for match in found if match}
+def _first_words(content: Content) -> set[str]:
+    return {match[1] for line in content.lines if (match := _FIRST_WORD.match(line))}
 
 
 def _has(content: Content, mark: Mark) -> bool:
-    if content.syntax is Syntax.XML:
-        return set(mark.keys) <= set(content.xml_tags)
+    if not mark.at and not content.names.issuperset(mark.keys):
+        return False
     if content.syntax is not Syntax.JSON:
-        return set(mark.keys) <= set(content.yaml_keys)
+        return not mark.at
     table = find(Node(content.json, source=content.name), mark.at)
-    is_there = table is not None and isinstance(table.value, dict) and set(mark.keys) <= table.value.keys()
+    is_there = table is not None and isinstance(table.value, dict) and table.value.keys() >= {*mark.keys}
     return is_there and table is not None and mark.holds(table)
 
 
@@ -332,14 +382,14 @@ def _read(row: Program, data: bytes, context: ReadContext) -> list[Calibration]:
         for item in found:
             first.setdefault((item.intrinsics, item.distortion), item)
         found = list(first.values())
-    if len(found) > 1:
+    if len(found) > 1 or row.is_always_named:
         return found
     return [replace(item, camera=replace(item.camera, sub_camera=None)) for item in found]
 
 
 def _loaded(row: Program, data: bytes, context: ReadContext) -> Node:
     head = data[:256].lstrip(b"\xef\xbb\xbf \t\r\n")
-    if head.startswith(b"{") or row.syntaxes == (Syntax.JSON,):
+    if head.startswith(b"{") or ".json" in row.suffixes:
         return loaded(data, context)
     if ".toml" in row.suffixes:
         return _of_toml(data, context.name)
@@ -422,40 +472,3 @@ def _size(row: Program, node: Node) -> ImageSize | None:
     numbers, place = numbers_at(node, row.size), at(node, row.size[0]).place
     strict.check_count(len(numbers), 2, place=place)
     return strict.image_size(*numbers, place=place)
-
-
-def double_sphere(values: Sequence[float]) -> DoubleSphere:
-    """Of xi and alpha."""
-    xi, alpha = values
-    return DoubleSphere(xi=_above(xi), alpha=_alpha(alpha))
-
-
-def extended_unified(values: Sequence[float]) -> ExtendedUnified:
-    """Of alpha and beta, which is 1 in the unified model."""
-    alpha, beta = (*values, 1.0)[:2]
-    if beta <= 0:
-        raise ParseError(f"beta is {beta:g}, expected a positive number")
-    return ExtendedUnified(alpha=_alpha(alpha), beta=beta)
-
-
-def field_of_view(values: Sequence[float]) -> Distortion:
-    """Of the angle; zero is no distortion."""
-    return FieldOfView(omega=values[0]) if values[0] else NoDistortion()
-
-
-def unified(values: Sequence[float]) -> Unified:
-    """Of xi and perhaps k1, k2, p1 and p2."""
-    xi, *rest = values
-    return Unified(xi=_above(xi), **dict(zip(("k1", "k2", "p1", "p2"), rest, strict=False)))
-
-
-def _above(xi: float) -> float:
-    if xi <= -1:
-        raise ParseError(f"xi is {xi:g}, expected a number above −1")
-    return xi
-
-
-def _alpha(value: float) -> float:
-    if not 0 <= value <= 1:
-        raise ParseError(f"alpha is {value:g}, expected a number from 0 to 1")
-    return value

@@ -34,7 +34,7 @@ from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin, Unit
 from calibrary.parsers.document import accounted
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
-from calibrary.parsers.formats._opencv_lens import lens
+from calibrary.parsers.formats._lenses import lens
 from calibrary.parsers.formats.lensfun_xml import PROFILE
 from calibrary.parsers.xml import parse_xml
 

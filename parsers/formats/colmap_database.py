@@ -37,7 +37,7 @@ from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.files import read_head
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
-from calibrary.parsers.formats._colmap import CONVENTION, MAX_CAMERAS, StoredCamera, cameras
+from calibrary.parsers.formats.colmap import CONVENTION, MAX_CAMERAS, StoredCamera, cameras
 from calibrary.records import replace
 
 MAGIC = b"SQLite format 3\0"

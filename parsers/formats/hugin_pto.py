@@ -27,8 +27,8 @@ from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin, Tangential
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
+from calibrary.parsers.formats._lenses import of_radius
 from calibrary.parsers.formats._one_camera import camera
-from calibrary.parsers.formats._opencv_lens import of_radius
 from calibrary.parsers.formats._text_rows import rows_of
 from calibrary.records import replace
 

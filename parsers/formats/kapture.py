@@ -37,9 +37,9 @@ from calibrary.parsers import text as strict
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Origin
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, UnknownLens, WriteContext
-from calibrary.parsers.formats._colmap import MAX_CAMERAS, StoredCamera, cameras, records
 from calibrary.parsers.formats._one_camera import ORIGIN, refuse_model
 from calibrary.parsers.formats._text_rows import rows_of
+from calibrary.parsers.formats.colmap import MAX_CAMERAS, StoredCamera, cameras, records
 from calibrary.records import replace
 
 CONVENTION = Convention(

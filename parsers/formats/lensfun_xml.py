@@ -42,7 +42,7 @@ from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Native, Origin, Tangential, Unit
 from calibrary.parsers.document import accounted
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
-from calibrary.parsers.formats._opencv_lens import lens, of_radius
+from calibrary.parsers.formats._lenses import lens, of_radius
 from calibrary.parsers.xml import parse_xml
 from calibrary.records import replace
 

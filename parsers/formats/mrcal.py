@@ -46,7 +46,7 @@ from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, WriteContext
 from calibrary.parsers.formats._bound_extras import bound, unbound
-from calibrary.parsers.formats._opencv_lens import lens
+from calibrary.parsers.formats._lenses import lens
 from calibrary.parsers.formats._text_rows import text_of
 from calibrary.records import Json
 

@@ -13,7 +13,7 @@ from calibrary import parsers
 from calibrary.calibration import Calibration
 from calibrary.errors import ParseError
 from calibrary.interop.colmap import COLMAP_MODELS, ColmapModel
-from calibrary.parsers.formats import _colmap, colmap_text
+from calibrary.parsers.formats import colmap as colmap_module
 from calibrary.parsers.on_demand import FEW, CamerasOnDemand
 
 SIZE = (5472, 3648)
@@ -50,13 +50,13 @@ def many(name: str) -> Sequence[Calibration]:
 
 def test_reading_makes_no_camera(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[str] = []
-    original = _colmap._calibration
+    original = colmap_module._calibration
 
-    def counted(found: Sequence[_colmap.StoredCamera], place: int, **named: Any) -> Calibration:
+    def counted(found: Sequence[colmap_module.StoredCamera], place: int, **named: Any) -> Calibration:
         made.append(found[place].place)
         return original(found, place, **named)
 
-    monkeypatch.setattr(_colmap, "_calibration", counted)
+    monkeypatch.setattr(colmap_module, "_calibration", counted)
     cameras = parsers.decode(colmap(), name="cameras.bin")
     assert len(cameras) == COUNT
     assert not made
@@ -81,7 +81,7 @@ def test_cameras_alike_are_what_each_is_by_itself(monkeypatch: pytest.MonkeyPatc
     data = struct.pack("<Q", len(rows)) + b"".join(rows)
     found = parsers.decode(data, name="cameras.bin")
     assert isinstance(found, CamerasOnDemand)
-    monkeypatch.setattr(_colmap, "FEW", len(rows) + 1)
+    monkeypatch.setattr(colmap_module, "FEW", len(rows) + 1)
     alone = parsers.decode(data, name="cameras.bin")
     assert isinstance(alone, list)
     assert [repr(item) for item in found] == [repr(item) for item in alone]
@@ -109,21 +109,20 @@ def test_columns_are_written_and_read_as_each_camera_is_by_itself(
     assert parsers.encode(found[3:-1], target) == parsers.encode(list(found)[3:-1], target)
     name = "cameras.bin" if target == "colmap_binary" else "cameras.txt"
     again = parsers.decode(data, name=name)
-    monkeypatch.setattr(_colmap, "FEW", len(rows) + 1)
-    monkeypatch.setattr(colmap_text, "FEW", len(rows) + 1)
+    monkeypatch.setattr(colmap_module, "FEW", len(rows) + 1)
     assert [repr(item) for item in again] == [repr(item) for item in parsers.decode(data, name=name)]
 
 
 def test_writing_makes_one_camera_of_a_kind(monkeypatch: pytest.MonkeyPatch) -> None:
     cameras = parsers.decode(colmap((3, 4, 0.0)), name="cameras.bin")
     made: list[int] = []
-    original = _colmap._Alike.__call__
+    original = colmap_module._Alike.__call__
 
-    def counted(self: _colmap._Alike, place: int) -> Calibration:
+    def counted(self: colmap_module._Alike, place: int) -> Calibration:
         made.append(place)
         return original(self, place)
 
-    monkeypatch.setattr(_colmap._Alike, "__call__", counted)
+    monkeypatch.setattr(colmap_module._Alike, "__call__", counted)
     assert parsers.encode(cameras, "colmap_binary")[0] == colmap((3, 4, 0.0))
     assert sorted(made) == [0, 0, 3, 3]
 

@@ -75,13 +75,13 @@ def test_the_image_size_is_asked_for() -> None:
 @pytest.mark.parametrize(
     ("was", "is_now", "error", "message"),
     [
-        ("kc4 = -0.00013\n", "", ParseError, "no kc4"),
-        ("K23 = 241.3", "K13 = 241.3", ParseError, "K13 is a duplicate key"),
-        ("K21 = 0.0", "K21 = 0.1", ParseError, "not an intrinsic matrix"),
-        ("K33 = 1.0", "K33 = 2.0", ParseError, "not an intrinsic matrix"),
+        ("kc4 = -0.00013\n", "", ParseError, "no 'kc4'"),
+        ("K23 = 241.3", "K13 = 241.3", ParseError, "K13: it is a duplicate key"),
+        ("K21 = 0.0", "K21 = 0.1", ParseError, "not a camera matrix"),
+        ("K33 = 1.0", "K33 = 2.0", ParseError, "not a camera matrix"),
         ("531.7", "531,7", ParseError, "decimal point"),
         ("531.7", "-531.7", ParseError, "focal lengths"),
-        ("K33 = 1.0\n", "K33 = 1.0\nK34 = 1.0\n", ParseError, "not a line such as"),
+        ("K33 = 1.0\n", "K33 = 1.0\nK34 = 1.0\n", ParseError, "none of K11"),
         ("-0.00013\n\n", "-0.0001", ParseError, "not ended"),
         ("K12 = 0.0", "K12 = 0.3\nalpha_c = 0.1", ParseError, "same skew"),
         ("kc1", "kc6 = 0.1\nkc1", UnsupportedModelError, "five"),

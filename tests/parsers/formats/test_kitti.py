@@ -103,7 +103,7 @@ def test_a_missing_end_of_line_matters_only_where_numbers_are_read() -> None:
             "not a camera matrix",
         ),
         ("K_01:", "K_00:", "K_00: it is a duplicate key"),
-        ("T_00: 0 0 0", "nonsense", "line 7.*expected a name"),
+        ("T_00: 0 0 0", "nonsense", "line 7.*expected a key, ':'"),
     ],
 )
 def test_a_broken_file_names_what_is_wrong(old: str, new: str, match: str) -> None:

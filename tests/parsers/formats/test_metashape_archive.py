@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from calibrary import parsers
 from calibrary.errors import ParseError, UnknownFormatError
-from calibrary.parsers.formats.metashape_archive import MAX_BYTES
+from calibrary.parsers.formats.metashape import ARCHIVE_MAX_BYTES as MAX_BYTES
 from tests.parsers.cameras import numbers
 from tests.parsers.samples import Sample
 from tests.thorough import examples

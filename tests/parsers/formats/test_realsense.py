@@ -158,7 +158,7 @@ def test_without_a_model_the_coefficients_are_brown_conradys_and_that_is_said() 
     [
         (stream("Thin Prism"), UnsupportedModelError, "Thin Prism"),
         (stream("None"), ParseError, "has none"),
-        (stream("Brown Conrady", coeffs=[1, 2, 3]), ParseError, "3 coefficients"),
+        (stream("Brown Conrady", coeffs=[1, 2, 3]), ParseError, "3 numbers, expected 4 or 5"),
         (stream("F-Theta", coeffs=[53.0, 0, 0, 0, 0]), ParseError, "degrees"),
         (stream("None", fx=0, coeffs=[]), ParseError, "focal"),
         ({**TABLE, "rectified.0.width": 19.5}, ParseError, "image size"),

@@ -51,7 +51,7 @@ def test_the_lens_terms_are_kept_and_marked_unconverted() -> None:
     assert calibration.distortion is None
     assert ("terraphoto_cal/unconverted/LensA3", "-1.1e-9") in calibration.extras
     assert ("terraphoto_cal/LeverArm", "0.0110 -0.0160 0.9720") in calibration.extras
-    assert "LensA3" in calibration.notes[0]
+    assert any("LensA3" in note for note in calibration.notes)
 
 
 def test_panoramas_have_no_k() -> None:
@@ -72,7 +72,7 @@ def test_a_plate_in_other_units_is_refused() -> None:
         (" -3650.3", "", "2 numbers, expected 3"),
         ("-3650.3", "0", "focal lengths"),
         ("Orientation= TOP", "Version= 1", "is a duplicate key"),
-        ("Orientation= TOP", "Orientation", "Key= value"),
+        ("Orientation= TOP", "Orientation", "expected a key, '=' and a value"),
         ("12.4", "12,4", "decimal point"),
         ("Panoramic= 0\n", "Panoramic= 0", "not ended"),
     ],

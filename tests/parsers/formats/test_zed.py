@@ -148,12 +148,12 @@ def test_another_ini_is_not_claimed() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "match"),
     [
-        ("fy=1058.1\n", "", r"\[LEFT_CAM_2K\] fy: it is not there"),
+        ("fy=1058.1\n", "", r"LEFT_CAM_2K: there is no 'fy'"),
         ("fy=1058.1", "fx=1058.1", "fx: it is a duplicate key"),
         ("[RIGHT_CAM_2K]", "[LEFT_CAM_2K]", "is a duplicate key"),
         ("fx=1058.5", "fx=1058,5", "decimal point"),
-        ("fx=1058.5", "fx 1058.5", "expected a section or key=value"),
-        ("k1=-0.0643\n", "", r"\[RIGHT_CAM_2K\] k1"),
+        ("fx=1058.5", "fx 1058.5", "expected a key, '=' and a value"),
+        ("k1=-0.0643\n", "", "RIGHT_CAM_2K: there is no 'k1'"),
     ],
 )
 def test_a_broken_file_names_what_is_wrong(old: str, new: str, match: str) -> None:

@@ -75,8 +75,8 @@ def test_a_value_whose_meaning_is_not_known_is_refused(changes: dict[str, str]) 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (block(focal_length=""), "line 1: there is no focal_length"),
-        (block(ppac="0.1"), "line 1, ppac: 1 numbers, expected 2"),
+        (block(focal_length=""), "there is no 'focal_length'"),
+        (block(ppac="0.1"), "ppac: 1 numbers, expected 2"),
         (block(focal_length="8,76"), "decimal point"),
         (block(focal_length="0"), "focal lengths"),
         (block(pixel_size="2.4 0"), "not positive"),

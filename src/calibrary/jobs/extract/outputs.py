@@ -21,7 +21,7 @@ from calibrary.jobs.extract.hand_off import HandOff, candidate_of, hand_off, lay
 from calibrary.jobs.extract.report import ExtractReport, Outputs, encode
 from calibrary.jobs.extract.targets import RESTORE, TARGETS, plan_database
 from calibrary.pages import check_page_place
-from calibrary.parsers.formats.k_npy import matrix_file
+from calibrary.parsers.formats.numpy_arrays import matrix_file
 from calibrary.records import replace
 from calibrary.validation import Verdict
 

@@ -42,7 +42,7 @@ def k(
     from calibrary.atomic import write_files
     from calibrary.jobs.k.run import of_file, of_image, of_key
     from calibrary.parsers import is_image_file
-    from calibrary.parsers.formats.k_npy import matrix_file
+    from calibrary.parsers.formats.numpy_arrays import matrix_file
 
     path = Path(what)
     if not path.exists():

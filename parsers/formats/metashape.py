@@ -1,32 +1,10 @@
-"""Agisoft Metashape (PhotoScan) cameras: *File ▸ Export ▸ Export Cameras* (``cameras.xml``) and projects' ``doc.xml``.
-
-In the format's own words::
-
-    <document version="1.5.0">                          <chunk> where it is the chunk.zip of a .psx project
-      <chunk label="Chunk 1">                           in old projects inside <chunks>
-        <sensors>
-          <sensor id="0" label="FC6310, 8.8mm" type="frame">
-            <resolution width="5472" height="3648"/>
-            <property name="focal_length" value="8.8"/>  nominal, mm
-            <property name="fixed" value="true"/>
-            <calibration type="frame" class="initial"> … </calibration>
-            <calibration type="frame" class="adjusted">
-              <resolution width="5472" height="3648"/>
-              <f>3650.1</f> <cx>-3.2</cx> <cy>8.1</cy> <k1/> …
-            </calibration>
-            <covariance> <params>f cx cy k1 …</params> <coeffs>…</coeffs> </covariance>
-        <meta> <property name="Info/LastSavedSoftwareVersion" value="1.6.2.10247"/> … </meta>
-
-Each ``<calibration>`` is the one that *Camera Calibration ▸ Save* writes (``agisoft_xml``), its size and projection in
-attributes. calibrary uses the adjusted one if there is one. An initial one is what the user gave to the project: if it
-was held fixed, it is a known calibration, otherwise a start value. A sensor without any has no K, because calibrary
-does not make a K from the nominal focal length.
-
-Sources: Agisoft Metashape User Manual, appendix C "Camera models"; DBAT's ``loadpsz.m`` for the older layout.
-"""
+"""Metashape's projects: the document, and the archive that holds it."""
 
 from __future__ import annotations
 
+import io
+import zipfile
+import zlib
 from collections import Counter
 from collections.abc import Iterator
 from itertools import islice
@@ -35,19 +13,21 @@ from typing import TYPE_CHECKING, NamedTuple
 from calibrary.calibration import Calibration, CameraKey, Grade
 from calibrary.errors import InputError, ParseError, UnsupportedModelError
 from calibrary.parsers import text as strict
-from calibrary.parsers.content import Content, Syntax
+from calibrary.parsers.content import HEAD_BYTES, Content, Syntax
 from calibrary.parsers.document import set_aside
 from calibrary.parsers.format import Format, ReadContext, Sniff, Sure
 from calibrary.parsers.formats import agisoft_xml
 from calibrary.parsers.formats.agisoft_xml import COVARIANCE, read_covariance, read_elements
+from calibrary.parsers.text import shown
 from calibrary.parsers.xml import parse_xml
 from calibrary.records import replace
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
 
+
 ROOTS = ("document", "chunk", "sensor")
-MAX_BYTES = 12 * 1024 * 1024
+DOCUMENT_MAX_BYTES = 12 * 1024 * 1024
 """Some fifteen thousand photos."""
 MAX_SENSORS = 1_000_000
 MAX_ELEMENTS = 256
@@ -60,7 +40,7 @@ HELD = "the calibration that the project was given and held fixed"
 START = "the value that the project started from; no photo was aligned with it, and it may rest on EXIF alone"
 
 
-def sniff(content: Content) -> Sniff | None:
+def sniff_document(content: Content) -> Sniff | None:
     """A chunk's or a project's root with sensors in it."""
     tags = content.xml_tags
     if not tags or tags[0] not in ROOTS or "sensor" not in tags:
@@ -74,9 +54,9 @@ def sniff(content: Content) -> Sniff | None:
     return Sniff(Sure.MAGIC, f"the XML root is <{tags[0]}> and contains Metashape's <sensor>")
 
 
-def read(data: bytes, context: ReadContext) -> list[Calibration]:
+def read_document(data: bytes, context: ReadContext) -> list[Calibration]:
     """Every sensor that has a calibration, in the file's order."""
-    root = parse_xml(data, source=context.name, max_bytes=context.at_most(MAX_BYTES))
+    root = parse_xml(data, source=context.name, max_bytes=context.at_most(DOCUMENT_MAX_BYTES))
     sensors, tool = _sensors(root), _tool(root)
     found: list[Calibration] = []
     left_out: list[str] = []
@@ -264,16 +244,125 @@ def _distinct(sensor: _Element) -> str:
     return f"{_label(sensor) or 'unknown'}, {mark}"
 
 
-FORMAT = Format(
+PROJECT = Format(
     name="metashape_document",
     title="Agisoft Metashape cameras and projects",
+    words="""\
+Agisoft Metashape (PhotoScan) cameras: *File ▸ Export ▸ Export Cameras* (``cameras.xml``) and projects' ``doc.xml``.
+
+In the format's own words::
+
+    <document version="1.5.0">                          <chunk> where it is the chunk.zip of a .psx project
+      <chunk label="Chunk 1">                           in old projects inside <chunks>
+        <sensors>
+          <sensor id="0" label="FC6310, 8.8mm" type="frame">
+            <resolution width="5472" height="3648"/>
+            <property name="focal_length" value="8.8"/>  nominal, mm
+            <property name="fixed" value="true"/>
+            <calibration type="frame" class="initial"> … </calibration>
+            <calibration type="frame" class="adjusted">
+              <resolution width="5472" height="3648"/>
+              <f>3650.1</f> <cx>-3.2</cx> <cy>8.1</cy> <k1/> …
+            </calibration>
+            <covariance> <params>f cx cy k1 …</params> <coeffs>…</coeffs> </covariance>
+        <meta> <property name="Info/LastSavedSoftwareVersion" value="1.6.2.10247"/> … </meta>
+
+Each ``<calibration>`` is the one that *Camera Calibration ▸ Save* writes (``agisoft_xml``), its size and projection in
+attributes. calibrary uses the adjusted one if there is one. An initial one is what the user gave to the project: if it
+was held fixed, it is a known calibration, otherwise a start value. A sensor without any has no K, because calibrary
+does not make a K from the nominal focal length.
+
+Sources: Agisoft Metashape User Manual, appendix C "Camera models"; DBAT's ``loadpsz.m`` for the older layout.
+""",
     suffixes=(".xml",),
     syntaxes=(Syntax.XML,),
     roots=ROOTS,
     reference="https://www.agisoft.com/pdf/metashape-pro_2_2_en.pdf",
     convention=agisoft_xml.CONVENTION,
-    sniff=sniff,
-    read=read,
+    sniff=sniff_document,
+    read=read_document,
     states=("date", "tool"),
     options=(agisoft_xml.PRINCIPAL_POINT,),
 )
+
+
+DOCUMENT = "doc.xml"
+ARCHIVE_MAX_BYTES = DOCUMENT_MAX_BYTES
+LOCAL_HEADER = b"PK\x03\x04"
+CENTRAL_HEADER = b"PK\x01\x02"
+MAX_MEMBERS = 50_000
+"""A project has two or three files for each photo; listing more would cost memory for nothing."""
+METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+"""What Metashape uses, and what can be unpacked piece by piece: bzip2 and LZMA give all or nothing."""
+ENCRYPTED = 0x1
+
+
+def sniff_archive(content: Content) -> Sniff | None:
+    """A zip whose directory, at its end, names the document."""
+    data = content.data
+    if data.startswith(LOCAL_HEADER) and DOCUMENT.encode() in data[:HEAD_BYTES] + data[-HEAD_BYTES:]:
+        return Sniff(Sure.MAGIC, f"it is a zip archive that contains {DOCUMENT}")
+    return None
+
+
+def read_archive(data: bytes, context: ReadContext) -> list[Calibration]:
+    """Every sensor of the document in the archive."""
+    return read_document(_document(data), context)
+
+
+def _document(data: bytes) -> bytes:
+    """The bytes of doc.xml."""
+    members = data.count(CENTRAL_HEADER)
+    if members > MAX_MEMBERS:
+        raise ParseError(f"the archive lists {members} files; at most {MAX_MEMBERS} are looked at")
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            found = [item for item in archive.infolist() if item.filename == DOCUMENT]
+            if len(found) != 1:
+                raise ParseError(f"the archive contains {len(found)} files {DOCUMENT}, expected one")
+            [item] = found
+            if item.flag_bits & ENCRYPTED or item.compress_type not in METHODS:
+                raise ParseError(
+                    f"{DOCUMENT} is encrypted or packed by method {item.compress_type}, expected stored or deflated"
+                )
+            with archive.open(item) as file:
+                document = file.read(ARCHIVE_MAX_BYTES + 1)
+    except ParseError:
+        raise
+    except (
+        zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, OSError, OverflowError, RuntimeError, ValueError
+    ) as error:  # fmt: skip
+        raise ParseError(f"the zip archive is damaged: {shown(str(error), 80)}") from None
+    if len(document) > ARCHIVE_MAX_BYTES:
+        raise ParseError(f"{DOCUMENT} is longer than {ARCHIVE_MAX_BYTES} bytes unpacked", place=DOCUMENT)
+    return document
+
+
+ARCHIVE = Format(
+    name="metashape_archive",
+    title="Agisoft Metashape project archive",
+    words="""\
+Agisoft Metashape projects in a zip: a ``.psz``, or the ``chunk.zip`` of a ``.psx`` project.
+
+In the format's own words::
+
+    project.psz                     project.files/0/chunk.zip
+      doc.xml                         doc.xml
+      thumbnails0.zip …               …
+
+``doc.xml`` is what *Export Cameras* writes, and more (``metashape_document``). Only this file is unpacked, and only as
+far as that format reads, whatever size the archive states.
+
+Sources: DBAT's ``loadpsz.m``; APPNOTE.TXT, the zip format.
+""",
+    suffixes=(".psz", ".zip"),
+    syntaxes=(Syntax.BINARY,),
+    reference="https://www.agisoft.com/pdf/metashape-pro_2_2_en.pdf",
+    convention=PROJECT.convention,
+    sniff=sniff_archive,
+    read=read_archive,
+    states=PROJECT.states,
+    options=PROJECT.options,
+)
+
+FORMATS = (PROJECT, ARCHIVE)
