@@ -14,7 +14,6 @@ from calibrary.calibration import Calibration
 from calibrary.errors import ParseError
 from calibrary.parsers.content import Content, Syntax
 from calibrary.parsers.convention import Convention, Origin, Tangential
-from calibrary.parsers.document import Node
 from calibrary.parsers.format import Capacity, Format, ReadContext, Sniff, Sure, UnknownLens, WriteContext
 from calibrary.parsers.formats import hand_made, opencv_storage
 from calibrary.parsers.formats._npy import array
@@ -150,19 +149,24 @@ def write_npz(calibrations: Sequence[Calibration], context: WriteContext) -> byt
     with zipfile.ZipFile(buffer, "w") as archive:
         for name, value in arrays.items():
             # A ZipInfo of its own has no date, so that the same camera is the same file.
-            archive.writestr(zipfile.ZipInfo(f"{name}.npy"), _saved(value))
+            if (saved := _saved(value)) is not None:
+                archive.writestr(zipfile.ZipInfo(f"{name}.npy"), saved)
     return buffer.getvalue()
 
 
-def _saved(value: Json) -> bytes:
-    node = Node(value, source="")
-    if "rows" in node:
-        shape = node["rows"].whole(), node["cols"].whole()
-        array = np.array(node["data"].numbers()).reshape(shape)
-    else:
-        array = np.array(value)
-    buffer = io.BytesIO()
-    np.save(buffer, array, allow_pickle=False)
+def _saved(value: Json) -> bytes | None:
+    """The array of a value; None for a table that is no matrix, and for lists of unequal length."""
+    flat = value.get("data") if isinstance(value, dict) else None
+    try:
+        array = np.array(value if flat is None else flat)
+        if isinstance(value, dict) and flat is not None:
+            # A matrix of several channels has a third side.
+            array = array.reshape(int(str(value["rows"])), int(str(value["cols"])), -1)
+            array = array[:, :, 0] if array.shape[2] == 1 else array
+        buffer = io.BytesIO()
+        np.save(buffer, array, allow_pickle=False)
+    except (KeyError, ValueError):
+        return None
     return buffer.getvalue()
 
 

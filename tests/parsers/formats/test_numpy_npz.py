@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import pickle
 import zipfile
 from collections.abc import Sequence
@@ -17,6 +18,7 @@ from calibrary.calibration import Calibration
 from calibrary.distortion import KannalaBrandt, Rational
 from calibrary.errors import MissingTagError, ParseError, UnknownFormatError, UnsupportedModelError
 from calibrary.parsers.format import Fidelity
+from calibrary.records import replace
 from tests.parsers.cameras import SIZE, camera
 
 MTX = np.array([[3650.1, 0.0, 2741.3], [0.0, 3648.7, 1815.9], [0.0, 0.0, 1.0]])
@@ -146,3 +148,16 @@ def test_objects_and_arrays_of_another_length_under_a_cameras_names_are_named() 
         read(npz(mtx=np.eye(3) * 1000, dist=objects))
     with pytest.raises(ParseError, match=r"mtx: the array is longer than any camera's"):
         read(npz(save=np.savez_compressed, mtx=np.zeros((2000, 2000))))
+
+
+def test_extras_of_other_shapes_are_written_or_named_as_lost() -> None:
+    points = {"rows": 1, "cols": 2, "dt": "2f", "data": [250.5, 57.25, 307.5, 71.75]}
+    extras = {"image_points": points, "board": {"columns": 9}, "flags": [[1], [2, 3]]}
+    [camera] = read(npz(mtx=MTX, dist=np.zeros(5)))
+    kept = tuple((f"opencv_storage/{key}", json.dumps(value)) for key, value in extras.items())
+    data, verdict = parsers.encode([replace(camera, extras=kept)], "numpy_npz")
+    with np.load(io.BytesIO(data)) as archive:
+        assert archive["image_points"].shape == (1, 2, 2)
+        assert "board" not in archive
+        assert "flags" not in archive
+    assert "board" in str(verdict)
