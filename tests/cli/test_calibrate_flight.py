@@ -217,6 +217,19 @@ def test_a_reconstruction_needs_no_images(
     assert "0 images of this camera" in capsys.readouterr().err
 
 
+def test_a_flight_is_held_to_the_use_that_is_asked_for_under_the_policy_that_is_given(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_opensfm(tmp_path / "odm/opensfm", *fly(replace(SMALL, rows=1), SEED))
+    policy = tmp_path / "wide.yaml"
+    policy.write_text("schema: calibrary/policy-1\nname: wide\nfixed_sigma_px: 2.5\n", encoding="utf-8")
+    asked = ["calibrate", "flight", "--from", str(tmp_path / "odm"), "--lens-model", "k1k2"]
+    assert main([*asked, "--use", "start", "--policy", str(policy), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["verdict"] == "start"
+    assert document["uses"]["limit_px"] == 2.5
+
+
 @pytest.mark.thorough
 def test_ground_control_takes_part_and_is_printed_without_a_place(
     tmp_path: Path, simulated: Callable[[Plan], None], capsys: pytest.CaptureFixture[str]

@@ -160,6 +160,12 @@ def test_its_corners_are_solved_again_to_the_same_rig_and_become_entries(
     assert members["2"].pose.translation_std_mm is not None
 
 
+def test_a_rig_is_held_to_the_use_that_is_asked_for(done: tuple[Path, dict[str, Any]]) -> None:
+    corners = done[0] / "corners" / "rig.json"
+    found = [calibrate_rig(corners=corners, lens_model="k1k2p1p2", use=use) for use in ("start", "metrology")]
+    assert [one.is_good for one in found] == [True, False]
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
