@@ -145,16 +145,7 @@ def assess(
     versions = solved.versions or programs("cv2")
     shown = geometry(adjusted, usable.image_size)
     calibration = _calibration(solved, covariance, halves, shown.coverage.fraction, versions)
-    uncertainty, field, rival = _uncertainty(calibration), None, None
-    if solved.joint is not None and uncertainty is not None:
-        uncertainty, rival = _beside_rivals(
-            uncertainty, calibration, adjusted.state.model, solved.joint.rivals
-        )
-    if solved.joint is None and uncertainty is not None:
-        known = np.isfinite(uncertainty.std_px.ravel())
-        field = _field(calibration, adjusted, uncertainty.pixels.reshape(-1, 2), known)
-    if field is not None and uncertainty is not None and (field.is_of_lens or not field.is_significant):
-        uncertainty, calibration = _with_field(uncertainty, field), _absorbed(calibration, field)
+    calibration, uncertainty, field, rival = _over_frame(calibration, solved)
     corners = adjusted.network.pixels[adjusted.network.seen]
     where = (
         proven(
@@ -464,16 +455,31 @@ class _Shown(Struct, frozen=True, kw_only=True, eq=False):
         )
 
 
-def _uncertainty(calibration: Calibration) -> Uncertainty | None:
-    quality = calibration.quality
-    if quality is None or quality.covariance is None:
-        return None
-    C = quality.covariance
-    inflated = Covariance.from_matrix(C.names, C.matrix * quality.inflation)
+def _over_frame(
+    calibration: Calibration, solved: Solved
+) -> tuple[Calibration, Uncertainty | None, Field | None, tuple[Solvable, float] | None]:
+    """Return the calibration and σ over the frame, with what the lens departs from its model by; that; and a rival."""
+    quality, adjusted = calibration.quality or Quality(), solved.solution.adjusted
+    if quality.covariance is None:
+        return calibration, None, None, None
+    inflated = quality.covariance.matrix * quality.inflation
     try:
-        return projection_uncertainty(calibration, inflated, shape=MAP_SHAPE)
+        uncertainty = projection_uncertainty(
+            calibration, Covariance.from_matrix(quality.covariance.names, inflated), shape=MAP_SHAPE
+        )
     except CalibrationError:
-        return None
+        return calibration, None, None, None
+    if solved.joint is not None:
+        beside, rival = _beside_rivals(uncertainty, calibration, adjusted.state.model, solved.joint.rivals)
+        return calibration, beside, None, rival
+    known = np.isfinite(uncertainty.std_px.ravel())
+    field = _field(calibration, adjusted, uncertainty.pixels.reshape(-1, 2), known)
+    if field is not None and (field.is_of_lens or not field.is_significant):
+        # The model without the field is what is written.
+        more = (field.mean**2).sum(axis=1) + field.variance.max(axis=1)
+        std_px = np.sqrt(uncertainty.std_px**2 + more.reshape(uncertainty.std_px.shape))
+        uncertainty, calibration = replace(uncertainty, std_px=std_px), _absorbed(calibration, field)
+    return calibration, uncertainty, field, None
 
 
 def _beside_rivals(
@@ -532,14 +538,6 @@ def _field(
     return replace(found, mean=mean, variance=variance)
 
 
-def _with_field(uncertainty: Uncertainty, field: Field) -> Uncertainty:
-    """Add the covariance and the square of the mean of the field to σ: the model without it is what is written."""
-    more = (field.mean**2).sum(axis=1) + field.variance.max(axis=1)
-    return replace(
-        uncertainty, std_px=np.sqrt(uncertainty.std_px**2 + more.reshape(uncertainty.std_px.shape))
-    )
-
-
 def _absorbed(calibration: Calibration, field: Field) -> Calibration:
     """Add to the covariance what the parameters have absorbed of the field: no noise, which κ² would multiply."""
     quality = calibration.quality
@@ -570,7 +568,6 @@ def _departure(
         std_px=float(np.sqrt(field.variance[at].max())),
         x=float(pixels[at, 0]),
         y=float(pixels[at, 1]),
-        kappa2=field.kappa2,
         is_of_lens=field.is_of_lens,
     )
 

@@ -80,7 +80,6 @@ class Departure(Struct, frozen=True, kw_only=True):
         px: by how much, in px.
         std_px: standard deviation of that, px.
         x, y: the place, px.
-        kappa2: variance factor once the field is subtracted; None if there are too few views.
         is_of_lens: whether the field explains what the views contradict one another about, as only the lens can.
     """
 
@@ -88,7 +87,6 @@ class Departure(Struct, frozen=True, kw_only=True):
     std_px: float
     x: float
     y: float
-    kappa2: float | None
     is_of_lens: bool
 
 

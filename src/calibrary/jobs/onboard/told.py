@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from calibrary.calib.result import CalibrationResult
 from calibrary.jobs.calibrate.page_plots import fit_plots, lens_plots
 from calibrary.jobs.calibrate.told import OUTCOMES
 from calibrary.jobs.onboard.report import (
@@ -280,7 +279,7 @@ def _solve(solve: ImageSolve, what: str, *, whole: bool) -> Iterator[Block]:
         blocks=(
             lead,
             *((Bullets((*reasons, *solve.detections.notes)),) if reasons else ()),
-            Plots(partial(fit_plots, result.views, result.observations, _points(result))),
+            Plots(partial(fit_plots, result.views, result.observations, result.points)),
         ),
     )
 
@@ -310,10 +309,6 @@ def _sorted(done: OnboardReport) -> Section:
             Details(summary="All that was skipped", blocks=(every,)),
         ]
     return Section(title="What was in the folder", blocks=tuple(blocks))
-
-
-def _points(result: CalibrationResult) -> str:
-    return "corners" if result.flown is None else "points"
 
 
 def _percent(share: float, *, digits: int = 2) -> str:
