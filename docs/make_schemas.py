@@ -26,7 +26,7 @@ PRINTED: Final[Mapping[str, str]] = {
     "rig-corners-1": "calibrary.jobs.calibrate.rig:RigCorners",
     "calibrate-watch-1": "calibrary.jobs.calibrate_watch.session:WatchStatus",
     "registry-audit-1": "calibrary.jobs.audit.report:AuditReport",
-    "registry-status-1": "calibrary.jobs.audit.status:RegistryStatus",
+    "registry-status-1": "calibrary.jobs.status.run:RegistryStatus",
     "registry-check-1": "calibrary.registry.checks:CheckDocument",
     "registry-export-1": "calibrary.jobs.export.run:ExportReport",
     "undistort-1": "calibrary.jobs.undistort.run:UndistortReport",

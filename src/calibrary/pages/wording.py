@@ -6,6 +6,7 @@ Text from files and tags is made safe to display; K and distortion have as many 
 from __future__ import annotations
 
 import math
+import re
 import unicodedata
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
@@ -93,6 +94,14 @@ def several(names: Iterable[str]) -> str:
 def made_by(source: str | None = None) -> str:
     """Footer of a page: the program, its version and the source."""
     return f"Made by calibrary {__version__}{f' {source}' if source else ''}."
+
+
+COMMAND: Final = re.compile(r"\bcalibrary (registry \w+|diff|onboard|calibrate)\b")
+
+
+def in_registry(registry: str, remedy: str) -> str:
+    """A remedy with the flag that selects the registry in its commands."""
+    return COMMAND.sub(rf"\g<0>{registry}", remedy)
 
 
 def cut_table(

@@ -31,8 +31,10 @@ JUDGES = {"calibrary.catalogue", "calibrary.validation", "calibrary.registry.ent
         [
             (["list", "--where", "fx>1000", "--sort", "date"], JUDGES),
             (["list"], JUDGES),
-            (["show", "fc6310r"], JUDGES),
+            # What a solver may do with it is judged.
+            (["show", "fc6310r"], JUDGES - {"calibrary.validation"}),
             (["log", "fc6310r"], JUDGES),
+            (["status"], {"calibrary.catalogue", "calibrary.jobs.audit.report", "calibrary.pages.plots"}),
             (["check"], set()),
             (["lock", "--out", "calibrary.lock"], JUDGES),
             # It compares its answer with the catalogue's.

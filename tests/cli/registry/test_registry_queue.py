@@ -14,7 +14,7 @@ from calibrary.calibration import Grade
 from calibrary.cli.main import main
 from calibrary.errors import RegistryError, UsageError
 from calibrary.jobs.audit.age import age_finding, due_again
-from calibrary.jobs.audit.status import Kind
+from calibrary.jobs.status.run import Kind
 from calibrary.records import replace
 from calibrary.registry.configuration import Repeat
 from calibrary.registry.entry import Status, Validity

@@ -9,7 +9,7 @@ from calibrary.cli.registry import OfRegistry, where
 from calibrary.jobs.fleet import Fleet
 
 if TYPE_CHECKING:
-    from calibrary.jobs.audit.status import RegistryStatus
+    from calibrary.jobs.status.run import RegistryStatus
 
 EXIT_WAITING = 1
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Sequence
 from datetime import date
 from functools import partial
@@ -14,7 +13,6 @@ from msgspec import Struct
 
 from calibrary.errors import first_of
 from calibrary.jobs.audit.age import Rule
-from calibrary.jobs.audit.matters import told_status
 from calibrary.jobs.audit.report import (
     LEVELS,
     AuditedCamera,
@@ -27,13 +25,13 @@ from calibrary.jobs.audit.report import (
     Use,
     Verification,
 )
-from calibrary.jobs.audit.status import RegistryStatus
 from calibrary.pages.plots import Axis, Band, Interval, Role, intervals
 from calibrary.pages.plots.intervals import Dated, Period, over_time
 from calibrary.pages.wording import (
     SEVERITIES,
     count,
     cut_table,
+    in_registry,
     known,
     made_by,
     minus,
@@ -68,7 +66,6 @@ BADGES: Final = {
     "findings": Badge("needs attention", Tone.BAD),
 }
 NOT_FLOWN: Final = "not flown"
-COMMAND: Final = re.compile(r"\bcalibrary (registry \w+|diff|onboard|calibrate)\b")
 MOST_FINE: Final = 10
 """Most units without a finding that have a row of their own."""
 FEW: Final = 3
@@ -110,15 +107,13 @@ PIXELS: Final = {
 STEADY: Final = {Change.STEADY: Tone.GOOD, Change.UNKNOWN: Tone.NEUTRAL, Change.SEVERAL_UNITS: Tone.NEUTRAL}
 
 
-def told(done: AuditReport | RegistryStatus, *, registry: str = "") -> View:
-    """Describe an audit, or what waits in a registry.
+def told(done: AuditReport, *, registry: str = "") -> View:
+    """Describe an audit.
 
     Args:
         done: the result.
         registry: the flag that selects the registry, for the commands of the remedies.
     """
-    if isinstance(done, RegistryStatus):
-        return told_status(done, partial(in_registry, registry))
     levels = (count(getattr(done.counts, level.value), level.value) for level in LEVELS)
     days = [day for one in done.flights for day in (one.first, one.last) if day is not None]
     left_out = f", {done.images_before} older left out" if done.images_before else ""
@@ -238,11 +233,6 @@ def _cause(units: Sequence[AuditedUnit], done: AuditReport, registry: str, ancho
         why=f"{which}{worst.message}" if worst is not None else _in_brief(first, cameras),
         do=in_registry(registry, first.next or (worst.remedy if worst is not None else None) or ""),
     )
-
-
-def in_registry(registry: str, remedy: str) -> str:
-    """A remedy with the flag that selects the audited registry in its commands."""
-    return COMMAND.sub(rf"\g<0>{registry}", remedy)
 
 
 def _in_brief(unit: AuditedUnit, cameras: Sequence[AuditedCamera]) -> str:

@@ -13,13 +13,13 @@ from urllib.parse import urlencode
 
 from calibrary.calibration import Calibration
 from calibrary.errors import ConflictError, UsageError
-from calibrary.jobs.audit.matters import told_status
-from calibrary.jobs.audit.status import Kind, Matter
 from calibrary.jobs.desk.work import Job
 from calibrary.jobs.diff.comparison import DiffReport
 from calibrary.jobs.diff.told import badge_of, comparison_sections
 from calibrary.jobs.fleet import Fleet
 from calibrary.jobs.fleet.changes import MATERIAL
+from calibrary.jobs.status.run import Kind, Matter
+from calibrary.jobs.status.told import told
 from calibrary.pages.wording import count, distortion_blocks, intrinsics_items, made_by
 from calibrary.provenance import facts
 from calibrary.records import replace
@@ -65,7 +65,7 @@ def queue(fleet: Fleet, said: Sequence[Section] = ()) -> View:
         said: what was just done.
     """
     found = fleet.status()
-    view = told_status(found, str, _page_of)
+    view = told(found, page_of=_page_of)
     sync = Form(to="/sync", button="Exchange with the remote", is_aside=True)
     text = "Fetches the commits of others and sends yours; nobody's are overwritten."
     at = f" at commit {found.commit[:12]}" if found.commit is not None else ""

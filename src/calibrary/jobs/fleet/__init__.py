@@ -39,13 +39,13 @@ from calibrary.registry.firmware import FirmwareRange
 if TYPE_CHECKING:
     from calibrary.calibration import Calibration
     from calibrary.jobs.audit.report import AuditReport
-    from calibrary.jobs.audit.status import RegistryStatus as RegistryStatus
     from calibrary.jobs.diff.fleet import FleetDiffReport
     from calibrary.jobs.export.run import ExportReport
     from calibrary.jobs.fleet.changes import ProposedChange
     from calibrary.jobs.layers import Layer
     from calibrary.jobs.resolve.run import FleetAnswer
     from calibrary.jobs.site.building import Site
+    from calibrary.jobs.status.run import RegistryStatus as RegistryStatus
     from calibrary.jobs.use import Allowed
 
     # "as": records that the methods return; the registry declares them, and commands take them from here.
@@ -507,7 +507,7 @@ class Fleet(Struct, frozen=True, eq=False, dict=True):
         >>> [matter.what for matter in calibrary.open_registry("fleet").status().matters]
         []
         """
-        from calibrary.jobs.audit.status import copy_matter, status
+        from calibrary.jobs.status.run import copy_matter, status
 
         given = paths(folders)
         audited = (

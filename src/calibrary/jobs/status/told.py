@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from datetime import date
+from functools import partial
 from itertools import groupby
 from typing import Final
 
 from msgspec import Struct
 
 from calibrary.errors import first_of
-from calibrary.jobs.audit.status import Matter, RegistryStatus
-from calibrary.pages.wording import count, made_by
+from calibrary.jobs.status.run import Matter, RegistryStatus
+from calibrary.pages.wording import count, in_registry, made_by
 from calibrary.view import Badge, Cell, Column, Link, Section, Table, Tone, View
 
 MOST_ALIKE: Final = 5
@@ -41,23 +42,23 @@ MATTERS: Final = (
 )
 
 
-def told_status(
-    found: RegistryStatus,
-    settles: Callable[[str], str],
-    page_of: Callable[[Matter], str | None] | None = None,
+def told(
+    found: RegistryStatus, *, registry: str = "", page_of: Callable[[Matter], str | None] | None = None
 ) -> View:
     """Describe what waits.
 
     Args:
         found: the result.
-        settles: makes the step that a reader takes of the command of a matter.
+        registry: the flag that selects the registry, for the commands of the next steps.
         page_of: the page of a matter, where it has one.
     """
     mine = sum(one.yours for one in found.matters)
     who, others = found.person or "you", len(found.matters) - mine
     said = f"{mine} for {who}" if mine else f"nothing waits for {who}"
     more = f", {others} for others or later" if others else ""
-    table = Table.of("What waits, most urgent first", _rows(found, settles, page_of), MATTERS)
+    table = Table.of(
+        "What waits, most urgent first", _rows(found, partial(in_registry, registry), page_of), MATTERS
+    )
     return View(
         title="What waits",
         badge=Badge("waiting", Tone.CAUTION) if mine else Badge("nothing waits", Tone.GOOD),

@@ -1,0 +1,1 @@
+"""What waits in a registry, and for whom."""
