@@ -27,7 +27,7 @@ GEOMETRY = Geometry(
     tilt_spread_deg=20.0, roll_spread_deg=90.0, depth_ratio=1.2, distance=2000.0, coverage=COVERAGE
 )
 PROVEN = Proven(radius_px=2500.0, share=0.4, sigma_px=0.4, edge_px=0.5)
-DEPARTURE = Departure(px=0.5, std_px=0.1, x=100.0, y=100.0, kappa2=1.0, is_of_lens=True)
+DEPARTURE = Departure(px=0.5, std_px=0.1, x=100.0, y=100.0, is_of_lens=True)
 SOUND = Evidence(
     image_size=(5472, 3648),
     subject=BOARD,
