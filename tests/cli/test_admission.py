@@ -216,6 +216,24 @@ def test_extract_refuses_a_fallback_in_the_same_words(
     assert not Path("out.npy").exists()
 
 
+@pytest.mark.parametrize("command", [["extract", "im"], ["onboard", "im", "--for", "model", "--yes"]])
+def test_a_file_of_exchanged_sides_beside_the_images_is_told_of(
+    command: list[str],
+    fleet: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    K, told = UNLIKELY["sides exchanged"]
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "400")
+    picture(tmp_path / "im" / "a.jpg", (1280, 720), make="Example", model="One")
+    write([K], tmp_path / "im" / "a.yaml", "ros_camera_info")
+    assert main([*command, "--registry", str(fleet)]) == 1
+    said = capsys.readouterr()
+    assert tells(f"{said.out} {said.err}", told)
+
+
 @pytest.mark.parametrize(
     ("name", "meant"),
     [

@@ -392,7 +392,9 @@ def _why_unused(
         yield from off
     elif not own:
         its = first_of(sorted({"{}×{}".format(*size) for size in sizes}))
-        yield f"it is for {its}, and no camera here has such images"
+        found = admission(candidates.calibrations[0])
+        unlikely = f"; its K is unlikely: {found.message}" if found is not None else ""
+        yield f"it is for {its}, and no camera here has such images{unlikely}"
     elif any(one.verdict is Rightness.RIGHT for one in of_valid):
         if is_measured and candidates.states_size and any(one.uncalibrated for one in own):
             yield "the K of the images is valid without it, but not measured; a registry puts this one in its place"

@@ -9,6 +9,7 @@ from typing import Final
 from msgspec import Struct, field
 
 from calibrary import parsers
+from calibrary.admission import admission
 from calibrary.calib.board import Board
 from calibrary.calib.detection import shows_board
 from calibrary.calibration import Calibration, CameraKey, ImageSize
@@ -393,6 +394,8 @@ def _hand_out(
         kept = ", ".join(str(camera.key) for camera in sorted_.cameras[:NAMES_SHOWN])
         other = foreign(one.calibration, sorted_.cameras[0].key)
         why = other if other is not None else f"is of {key}, and the images are of {kept}"
+        unlikely = admission(one.calibration)
+        why += f"; its K is unlikely: {unlikely.message}" if unlikely is not None else ""
         sorted_.skipped.append(SkippedFile(name=one.name, reason=why))
         return
     told = said(key)
