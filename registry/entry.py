@@ -583,6 +583,10 @@ class Entry(EntryFields, tag_field="schema", tag="calibrary/entry-1"):
             return False
 
 
+BEFORE: Final = {"pass": "fixed", "provisional": "start", "refuse": "none"}
+"""Today's word for each of those that verdicts had."""
+
+
 class Seal(Struct, frozen=True, kw_only=True):
     """The verdict on a calibration, sealed in its entry.
 
@@ -604,7 +608,7 @@ class Seal(Struct, frozen=True, kw_only=True):
     @property
     def is_usable(self) -> bool:
         """Whether the calibration may be used at all."""
-        return self.verdict != "none"
+        return self.verdict in {"fixed", "start"}
 
     def __str__(self) -> str:
         why = f" ({', '.join(self.reasons)})" if self.reasons and not self.passed else ""
@@ -631,7 +635,10 @@ def sealed(entry: Entry) -> Seal | None:
     verdict = entry.calibration.shortfall or said.get("verdict")
     reasons = said.get("reasons")
     return (
-        Seal(verdict=str(verdict), reasons=tuple(map(str, reasons)) if isinstance(reasons, list) else ())
+        Seal(
+            verdict=BEFORE.get(str(verdict), str(verdict)),
+            reasons=tuple(map(str, reasons)) if isinstance(reasons, list) else (),
+        )
         if verdict is not None
         else None
     )

@@ -30,6 +30,10 @@ def judged(verdict: str, *, reasons: tuple[str, ...] = ("few-views",), **fields:
         (judged("start"), "start"),
         (judged("none"), "none"),
         (judged("splendid"), "splendid"),
+        # The words of entries from before a verdict said what K is good for.
+        (judged("pass"), "fixed"),
+        (judged("provisional"), "start"),
+        (judged("refuse"), "none"),
         (an_entry(), None),
         (an_entry(notes=(PROVISIONAL,)), "start"),
         (an_entry(notes=("start: until the lab has time",)), None),
@@ -45,6 +49,15 @@ def test_the_verdict_on_an_entry(entry: Entry, verdict: str | None) -> None:
     found = sealed(entry)
     assert (found.verdict if found is not None else None) == verdict
     assert noted(entry).shortfall == (verdict if verdict != "fixed" else None)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "usable"), [("fixed", True), ("provisional", True), ("refuse", False), ("splendid", False)]
+)
+def test_only_a_verdict_that_is_known_to_allow_it_makes_k_usable(verdict: str, usable: bool) -> None:
+    found = sealed(judged(verdict))
+    assert found is not None
+    assert found.is_usable is usable
 
 
 def test_a_start_stays_one_where_its_notes_were_removed() -> None:
