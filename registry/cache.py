@@ -128,8 +128,10 @@ class Memory:
 
     def _read(self, ref: str) -> dict[str, set[str]]:
         lines, found = [*self._lines()], dict[str, set[str]]()
-        # Another registry in the place of a former one is not measured by that.
+        # Another registry in the place of a former one is not measured by that, now or later.
         if not any(map(self._repo.holds, dict.fromkeys(one.commit for one in reversed(lines)))):
+            with suppress(OSError):
+                self._file.unlink(missing_ok=True)
             return found
         for one in lines:
             if one.ref != ref:

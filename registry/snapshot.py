@@ -564,13 +564,20 @@ class Snapshot(Struct, frozen=True, kw_only=True, eq=False, dict=True):
                 beginning of its hash, optionally followed by a slash and the beginning of the variant.
         """
         word = file_path(key)
-        standings = self.standings(find_paths(self.cameras, word) or self.of_unit(self.cameras, word))
+        standings = self.standings(
+            find_paths(self.cameras, word) or self.of_unit(self.cameras, word) or self._new_of_unit(word)
+        )
         used = [] if is_proposal(key) else [path for path, one in standings.items() if one.is_used]
         return used or [proposed_name(path) for path, one in standings.items() if one.is_proposed]
 
     def of_unit(self, paths: Collection[str], key: str) -> list[str]:
         """Return those of some paths that a KEY by a unit's label or serial number may name."""
         return unit_paths(paths, key, labels=lambda: self._called(key), makes=self._makes)
+
+    def _new_of_unit(self, key: str) -> list[str]:
+        """Return those with nothing in force that the label in their file, which nobody has stated, may name."""
+        found = unit_paths(self.cameras, key, labels=lambda: self.labels, makes=dict)
+        return [path for path, one in self.standings(found).items() if not one.is_used]
 
     def _called(self, key: str) -> Mapping[str, str]:
         """Return the labels that a KEY may mean, by path: where statements say what a unit is called, only those."""

@@ -230,6 +230,8 @@ def test_what_was_seen_is_of_its_branch_and_registry_until_it_is_given_up(
     assert Memory(repo, kept).seen("other") == {"one": {"d"}}
     file.write_bytes(file.read_bytes().replace(now.encode(), b"0" * 40))
     assert Memory(repo, kept).seen("main") == {}
+    Memory(repo, kept).remember(now, "main", {"one": ["e"]})
+    assert Memory(repo, kept).seen("main") == {"one": {"e"}}
 
 
 @pytest.mark.thorough

@@ -99,3 +99,14 @@ def test_the_terminal_says_it(capsys: pytest.CaptureFixture[str]) -> None:
     for words, code in ((["resolve", P4R], 4), (["list"], 0), (["show", P4R], 0), (["lock", P4R], 4)):
         found, out, err = run(capsys, *words)
         assert (found, SAID in " ".join((out + err).split())) == (code, True), words
+
+
+@pytest.mark.parametrize("key", ["P4R-03", "0V2LG3H0"])
+def test_a_unit_that_is_only_proposed_goes_by_its_label_and_serial_number(
+    fleet: Path, tmp_path: Path, key: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    add(xml(tmp_path / "a.xml"), "--serial", "0V2LG3H0", "--label", "P4R-03")
+    code, _, err = run(capsys, "resolve", key)
+    assert (code, "is proposed by Ada Keeper and not approved" in " ".join(err.split())) == (4, True)
+    assert run(capsys, "approve", *looked_at(fleet, key))[0] == 0
+    assert run(capsys, "resolve", key)[0] == 0

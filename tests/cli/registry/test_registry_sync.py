@@ -576,3 +576,24 @@ def test_what_cannot_be_sent_stays_written(
     code, _, err = run(capsys, "add", *add, "--approve", "--sync", "--yes")
     assert (code, "not sent" in err) == (4, True)
     assert held(fleet, "P4R-03").entry.is_usable
+
+
+def test_two_who_approve_in_their_own_clones_put_it_to_use_whoever_syncs_last(
+    fleet: Path,
+    twin: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert asks(fleet, "approvals: {count: 2}\n", capsys)[0] == 0
+    add = (str(xml(tmp_path / "a.xml")), *CAMERA, "--serial", "0V2LG3H0", "--label", "P4R-03")
+    assert main(["registry", "add", *add, "--sync", "--yes"]) == 0
+    assert main(["registry", "sync", "--registry", str(twin)]) == 0
+    for who, place in (("Bob", twin), ("Cy", fleet)):
+        by(monkeypatch, who)
+        assert main(["registry", "approve", "P4R-03", "--yes", "--registry", str(place)]) == 0
+    for place in (twin, fleet, twin):
+        assert main(["registry", "sync", "--registry", str(place)]) == 0
+    for place in (twin, fleet):
+        assert held(place, "P4R-03").entry.is_usable
+        assert main(["registry", "resolve", "0V2LG3H0", "--registry", str(place)]) == 0

@@ -6,7 +6,6 @@ import os
 from collections.abc import Callable, Sequence
 from datetime import date
 from functools import partial
-from itertools import filterfalse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -24,7 +23,7 @@ from calibrary.records import Json, Record, from_json, replace
 from calibrary.registry.entry import Entry, Status
 from calibrary.registry.git.objects import ObjectId
 from calibrary.registry.history import Approval, Recorded, approvals_of, recorded
-from calibrary.registry.paths import PROPOSED, find_path, find_paths, id_of, is_proposal, unit_folder
+from calibrary.registry.paths import PROPOSED, file_path, find_path, find_paths, id_of, unit_folder
 from calibrary.registry.resolution import RegistryIndex, RejectedEntry, Resolution
 from calibrary.registry.snapshot import Snapshot, StoredEntry
 
@@ -372,8 +371,9 @@ def _of_word(layers: Layers, word: str) -> CameraKey:
     """
     for layer in layers.layers:
         snapshot = layer.snapshot
-        if snapshot is not None and (paths := [*filterfalse(is_proposal, snapshot.matching(word))]):
-            return _of_paths(word, paths, partial(_entry, snapshot))
+        if snapshot is not None and (matching := snapshot.matching(word)):
+            # Of what is only proposed the camera is known, and that there is no K to use.
+            return _of_paths(word, [*map(file_path, matching)], partial(_entry, snapshot))
     make, _, rest = (part.strip() for part in word.partition("/"))
     model, _, variant = rest.partition("/")
     serial = variant.removeprefix("sn-").partition("/")[0] if variant.startswith("sn-") else None
