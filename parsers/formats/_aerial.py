@@ -36,7 +36,7 @@ from calibrary.parsers.formats._table import (
     everywhere,
     find,
     noted,
-    numbers_at,
+    one_each,
     with_more,
 )
 from calibrary.parsers.formats._text_rows import keyed, text_of
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 def _pix4d_cameras(tree: Node, _context: ReadContext) -> Named:
     """With K in px, of lengths in mm and pixels in micrometres."""
     for node in everywhere(tree, "camera"):
-        pixel, f, cx, cy = numbers_at(
+        pixel, f, cx, cy = one_each(
             node, ("pixelSize", "focalLengthmm", "principalPointXmm", "principalPointYmm")
         )
         if not pixel > 0:
@@ -71,7 +71,7 @@ def _orthority_cameras(tree: Node, _context: ReadContext) -> Named:
         across, down = (1.0, height / width) if sensor is None else sensor.numbers(2)
         if sensor is not None and min(across, down) <= 0:
             sensor.fail("the sensor's size is not positive")
-        cx, cy = (value * max(width, height) for value in numbers_at(node, ("cx", "cy"), missing=0.0))
+        cx, cy = (value * max(width, height) for value in one_each(node, ("cx", "cy"), missing=0.0))
         yield name, with_more(node, {"K": [fx * width / across, fy * height / down, cx, cy]})
 
 

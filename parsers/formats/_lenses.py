@@ -66,9 +66,16 @@ class BrownWithoutK3(OpenCVDistortion):
 
 
 def lens(values: Sequence[float]) -> Distortion:
-    """The lens of coefficients with a count in :data:`COUNTS`; all zeros mean no distortion."""
+    """The lens of coefficients with a count in :data:`COUNTS`; all zeros mean no distortion.
+
+    Raises:
+        ParseError: there are more or fewer.
+    """
     if not any(values):
         return NoDistortion()
+    if len(values) not in _MODELS:
+        wanted = ", ".join(map(str, COUNTS[1:]))
+        raise ParseError(f"{len(values)} distortion coefficients, expected {wanted}")
     kind = _MODELS[len(values)]
     return kind(**dict(zip(kind.names(), values, strict=False)))
 
@@ -76,7 +83,7 @@ def lens(values: Sequence[float]) -> Distortion:
 def smallest_lens(values: Sequence[float]) -> Distortion:
     """The smallest model with all non-zero coefficients, for files that pad a vector of fixed length with zeros."""
     used = max((index for index, value in enumerate(values, start=1) if value), default=0)
-    return lens(values[: min(count for count in COUNTS if count >= used)])
+    return lens(values[: next((count for count in COUNTS if count >= used), used)])
 
 
 def radial(values: Sequence[float]) -> Distortion:

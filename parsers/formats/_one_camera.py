@@ -13,7 +13,6 @@ from calibrary.parsers.convention import Convention, Native, Origin
 from calibrary.parsers.document import Node
 from calibrary.parsers.format import Option, ReadContext
 from calibrary.parsers.formats import _file_storage as storage
-from calibrary.parsers.formats._lenses import COUNTS, lens
 
 ORIGIN_UNKNOWN = "the file does not say how its numbers came about; they were taken as derived"
 
@@ -85,17 +84,6 @@ def native_of(node: Node, *, transposed: bool = False) -> Native:
     rows = storage.matrix(node, 3, 3)
     rows = tuple(zip(*rows, strict=True)) if transposed else rows
     return Native.of_matrix(rows, place=node.place, source=node.source)
-
-
-def opencv_lens(node: Node, counts: Sequence[int] = COUNTS) -> Distortion:
-    """Read OpenCV's distortion vector; its length determines the model, all zeros mean no distortion.
-
-    Raises:
-        ParseError: its length is not in ``counts``.
-    """
-    values = storage.numbers(node)
-    strict.check_count(len(values), counts, place=node.place)
-    return lens(values)
 
 
 def size_of(node: Node) -> ImageSize:

@@ -43,8 +43,8 @@ from calibrary.parsers.formats._table import (
     document_of,
     find,
     noted,
-    numbers_at,
     numbers_of,
+    one_each,
     under,
     with_more,
 )
@@ -349,7 +349,7 @@ def _theia_cameras(tree: Node, _context: ReadContext) -> Named:
     every = [item["CameraIntrinsicsPrior"] for item in tree["priors"].items()]
     for node in [one for one in every if "focal_length" in one] or every:
         f, (cx, cy) = node["focal_length"].number(), node["principal_point"].numbers(2)
-        aspect, skew = numbers_at(node, ("aspect_ratio",), 1.0) + numbers_at(node, ("skew",), 0.0)
+        aspect, skew = one_each(node, ("aspect_ratio",), 1.0) + one_each(node, ("skew",), 0.0)
         tangential = node.get("tangential_distortion_coeffs")
         p: Json = [] if tangential is None else [*tangential.numbers((0, 2))]
         name = node["image_name"].text()

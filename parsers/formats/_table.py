@@ -335,6 +335,14 @@ def numbers_at(node: Node, paths: Iterable[str], missing: float | None = None) -
     return found
 
 
+def one_each(node: Node, paths: Iterable[str], missing: float | None = None) -> list[float]:
+    """One number at each path, in order."""
+    return [
+        missing if missing is not None and find(node, path) is None else at(node, path).number()
+        for path in paths
+    ]
+
+
 def _all_numbers(node: Node) -> Sequence[float]:
     """Those of a list, a matrix, or a text with several."""
     if not isinstance(node.value, str):
@@ -435,6 +443,10 @@ def _camera(row: Program, name: str | None, node: Node, context: ReadContext, tr
         lens = model.lens(values)
     except InputError as error:
         raise type(error)(error.message, place=error.place or place.place) from None
+    except (ValueError, IndexError):
+        raise ParseError(
+            f"{len(values)} coefficients, which the lens does not have", place=place.place
+        ) from None
     convention, assumptions = model.convention or row.convention, row.assumptions
     if row.asks_origin:
         origin, sentence = chosen_origin(context, convention.origin)

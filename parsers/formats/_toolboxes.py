@@ -58,6 +58,7 @@ from calibrary.parsers.formats._table import (
     noted,
     numbers_at,
     numbers_of,
+    one_each,
     taylor,
     turned,
     under,
@@ -83,7 +84,7 @@ def _calib_io_cameras(tree: Node, _context: ReadContext) -> Named:
         if number not in names:
             model["polymorphic_id"].fail(f"no camera before it gave {number} a name")
         body = model["ptr_wrapper"]["data"]
-        f, ratio = numbers_at(body, under("parameters", "f.val ar.val"))
+        f, ratio = one_each(body, under("parameters", "f.val ar.val"))
         yield f"cam{index}", with_more(body, {"kind": names[number], "fy": f * ratio})
 
 
@@ -100,7 +101,7 @@ def _ftc_cameras(tree: Node, _context: ReadContext) -> Named:
 def _photonvision_cameras(tree: Node, _context: ReadContext) -> Named:
     several = find(tree, "calibrations")
     for node in (tree,) if several is None else several.items():
-        width, height = numbers_at(node, under("resolution", "width height"))
+        width, height = one_each(node, under("resolution", "width height"))
         yield f"{width:g}×{height:g}", node
 
 
@@ -212,7 +213,7 @@ def _adapter_cameras(tree: Node, context: ReadContext) -> Named:
     node = with_more(node, {"size": [image["width"].value, image["height"].value]})
     if "coefficients" in node:
         c, d, e = (node[key].number() for key in ("c", "d", "e"))
-        terms, centre = node["coefficients"]["unprojection"], numbers_at(node, ("cx", "cy"))
+        terms, centre = node["coefficients"]["unprojection"], one_each(node, ("cx", "cy"))
         affine = (c, 1 / c, e / c, d / c) if c else (0.0,) * 4
         yield None, with_more(with_turn(node, terms, affine, centre, "c"), {"kind": "OCamCalib"})
         return
@@ -266,7 +267,7 @@ def _qualisys_cameras(tree: Node, _context: ReadContext) -> Named:
             raise UnsupportedModelError("skew is not 0, and its unit is not published", place=name)
         fx, fy, u, v, left, top, right, bottom = (
             value / QUALISYS_PX
-            for value in numbers_at(
+            for value in one_each(
                 node,
                 ("focalLengthU", "focalLengthV", "centerPointU", "centerPointV", "sensorMinU", "sensorMinV",
                  "sensorMaxU", "sensorMaxV"),
@@ -390,9 +391,9 @@ def _bluec(data: bytes, context: ReadContext) -> Node:
     odd = [key for key, _ in tree.entries() if key not in {*BLUEC_K, *BLUEC_LENS, "alpha_c"}]
     if odd:
         tree[odd[0]].fail("it is none of K11 … K33, kc1 … and alpha_c")
-    K = numbers_at(tree, BLUEC_K)
-    numbers_at(tree, BLUEC_LENS[:4])
-    skew, stated = K[1], numbers_at(tree, ("alpha_c",), missing=0.0)[0] * K[0]
+    K = one_each(tree, BLUEC_K)
+    one_each(tree, BLUEC_LENS[:4])
+    skew, stated = K[1], one_each(tree, ("alpha_c",), missing=0.0)[0] * K[0]
     if skew and "alpha_c" in tree and abs(stated - skew) > 1e-6 * K[0]:
         tree["alpha_c"].fail(f"K12 is {skew:g} and alpha_c·K11 is {stated:g}; expected the same skew")
     return with_more(tree, {"K": [K[0], skew or stated, *K[2:]]})
@@ -463,7 +464,7 @@ def _ocam_cameras(tree: Node, _context: ReadContext) -> Named:
     pol = tree["pol"].numbers()
     terms: list[Json] = [-value for value in pol] if pol and pol[0] < 0 else [*pol]
     width, height = tree.image_size("width", "height")
-    xc, yc, c, d, e = numbers_at(tree, ("xc", "yc", "c", "d", "e"))
+    xc, yc, c, d, e = one_each(tree, ("xc", "yc", "c", "d", "e"))
     is_column_first = False
     if not isinstance(tree["invpol"].value, str):
         off = [math.hypot(x / width - 0.5, y / height - 0.5) for x, y in ((xc, yc), (yc, xc))]

@@ -173,6 +173,8 @@ def of_yaml(text: str, *, source: str) -> Json:
     if not rest or not any(part.strip() for part in rest):
         return load_yaml(head, source=source, ignored_tags=YAML_TAGS)
     parts = [part for part in (head, *rest) if re.search(r"^[^#\s]", part, re.MULTILINE)]
+    if not parts:
+        return None
     if len(parts) == 1:
         return load_yaml(
             plain if rest[-1].strip() else plain.rstrip("- \n") + "\n", source=source, ignored_tags=YAML_TAGS

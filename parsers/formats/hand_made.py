@@ -783,7 +783,9 @@ def _matrix(entry: Entry) -> Native:
             node.fail("expected fx fy cx cy in px, and the coefficients after them")
         fx, fy, cx, cy = numbers[:4]
         return Native(fx=fx, fy=fy, cx=cx, cy=cy)
-    width = {9: 3, 12: 4, 16: 4}[len(numbers)]
+    width = {9: 3, 12: 4, 16: 4}.get(len(numbers), 0)
+    if not width:
+        node.fail(f"{len(numbers)} numbers of a camera matrix, expected 9")
     rows = [numbers[at : at + width][:3] for at in range(0, len(numbers), width)][:3]
     rest = [number for at in range(0, len(numbers), width) for number in numbers[at + 3 : at + width]]
     if any(rest[:3]):

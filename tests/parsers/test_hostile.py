@@ -27,6 +27,26 @@ BROKEN = {
         b"%YAML:1.0\nCamera.fy: 1\n" + b"\n" * 200_000,
         "neither a Camera.fx",
     ),
+    "a camera matrix of ten numbers": (
+        "hand_made",
+        b'{"camera_matrix": {"values": [800, 0, 320, 0, 800, 240, 0, 0, 1, 1]}, "image_size": [640, 480]}',
+        "10 numbers of a camera matrix",
+    ),
+    "comments alone between the marks of documents": ("hand_made", b"# a\n---\n# b: 1\n", "no camera matrix"),
+    "a length twice": (
+        "pix4d_camera_database",
+        b"<camera name='P1'><imageWidth>80</imageWidth><imageHeight>60</imageHeight><pixelSize>4</pixelSize>"
+        b"<pixelSize>5</pixelSize><focalLengthmm>35</focalLengthmm></camera>",
+        "expected a number",
+    ),
+    "a coefficient twice": (
+        "pix4d_camera_database",
+        b"<camera name='P1'><imageWidth>80</imageWidth><imageHeight>60</imageHeight><pixelSize>4</pixelSize>"
+        b"<focalLengthmm>35</focalLengthmm><principalPointXmm>.2</principalPointXmm>"
+        b"<principalPointYmm>.1</principalPointYmm><lensType>perspective</lensType>"
+        b"<radialK1>.1</radialK1><radialK1>.2</radialK1></camera>",
+        "6 distortion coefficients",
+    ),
 }
 
 
