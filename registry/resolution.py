@@ -108,7 +108,8 @@ class Resolution(Struct, frozen=True, kw_only=True):
         """The entry's calibration at the image size at which it was measured; its provenance is the entry."""
         own = noted(self.entry)
         K = own.intrinsics
-        camera = replace(self.calibration.camera, image_size=K.image_size)
+        # Of its own unit alone, whichever unit asks.
+        camera = replace(self.calibration.camera, image_size=K.image_size, serial=own.camera.serial)
         return replace(own, camera=camera, provenance=_behind(self.path, own, Reading(intrinsics=K)))
 
 
