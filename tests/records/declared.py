@@ -139,7 +139,8 @@ def _covariances(draw: st.DrawFn, _limits: Mapping[str, Meta]) -> Covariance:
 @st.composite
 def _entries(draw: st.DrawFn, _limits: Mapping[str, Meta]) -> Entry:
     """Entries: what ties their parts together is put right, all else is as it was drawn."""
-    parts = _parts(draw, Entry, LIMITS)
+    drawn_parts = _parts(draw, Entry, LIMITS)
+    parts = {name: part for name, part in drawn_parts.items() if name not in Entry._unwritten}
     drawn: Calibration = parts["calibration"]
     camera = replace(
         drawn.camera,

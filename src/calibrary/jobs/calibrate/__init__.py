@@ -159,6 +159,7 @@ def calibrate(
     >>> result = calibrary.calibrate("frames", board="checkerboard:9x6", square_mm=40)
     >>> result.findings[0].rule
     'few-views'
+    >>> from calibrary.jobs.calibrate import Flight
     >>> calibrary.calibrate(flight=Flight(result_of="sparse")).findings[0].rule
     'unproven-region'
     """
