@@ -6,7 +6,7 @@ To add one, add its row, and its sample with the formula computed independently 
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from calibrary.calibration import Calibration, Grade
 from calibrary.errors import ParseError, UnsupportedModelError
@@ -41,9 +41,6 @@ from calibrary.parsers.formats._table import (
 )
 from calibrary.parsers.formats._text_rows import keyed, text_of
 from calibrary.records import Json, replace
-
-if TYPE_CHECKING:
-    pass
 
 
 def _pix4d_cameras(tree: Node, _context: ReadContext) -> Named:

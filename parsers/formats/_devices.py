@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from codecs import BOM_UTF8
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from calibrary.calibration import Calibration, ImageSize
 from calibrary.distortion import (
@@ -49,9 +49,6 @@ from calibrary.parsers.formats._table import (
 )
 from calibrary.parsers.formats._text_rows import keyed, rows_of
 from calibrary.records import Json, replace
-
-if TYPE_CHECKING:
-    pass
 
 
 def _depthai_cameras(tree: Node, _context: ReadContext) -> Named:

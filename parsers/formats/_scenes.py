@@ -9,7 +9,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from calibrary.arrays import np
 from calibrary.calibration import Calibration, Grade, ImageSize, Quality
@@ -52,9 +52,6 @@ from calibrary.parsers.formats._text_rows import keyed, rows_of, text_of
 from calibrary.parsers.formats._tree import NPY, arrays, names_of_arrays
 from calibrary.parsers.names import simplified
 from calibrary.records import Json, replace
-
-if TYPE_CHECKING:
-    pass
 
 
 def _open3d_cameras(tree: Node, _context: ReadContext) -> Named:

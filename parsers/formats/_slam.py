@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from calibrary.calibration import Calibration, Quality
 from calibrary.distortion import (
@@ -69,9 +69,6 @@ from calibrary.parsers.formats._table import (
 from calibrary.parsers.formats._text_rows import rows_of, text_of
 from calibrary.parsers.formats._yaml_text import decimal, flow, scalar
 from calibrary.records import Json, replace
-
-if TYPE_CHECKING:
-    pass
 
 
 def _near_axis(item: Calibration, symbol: str) -> Calibration:

@@ -10,7 +10,7 @@ import math
 import re
 import struct
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from calibrary.calibration import Calibration, Quality
 from calibrary.distortion import (
@@ -67,9 +67,6 @@ from calibrary.parsers.formats._table import (
 )
 from calibrary.parsers.formats._text_rows import keyed, rows_of, text_of
 from calibrary.records import Json, replace
-
-if TYPE_CHECKING:
-    pass
 
 
 def _calib_io_cameras(tree: Node, _context: ReadContext) -> Named:

@@ -342,3 +342,15 @@ def test_a_board_to_print_is_a_pdf_under_its_name(served: Desk) -> None:
 def test_a_board_without_the_side_of_its_squares_is_asked_again(served: Desk) -> None:
     status, _, text = asked(served, "/boards/print?board=checkerboard%3A9x6", Cookie=cookie(served))
     assert (status, "expected the side of a square in mm" in text) == (400, True)
+
+
+def test_the_use_of_a_k_stands_once_in_its_answer(served: Desk) -> None:
+    _, _, text = asked(served, "/?q=dji/fc6310r/5472x3648%2Bf8.8", Cookie=cookie(served))
+    assert text.count("<dt>use</dt>") == 1
+    assert text.count("A solver may ") == 1
+
+
+def test_where_no_k_applies_the_nearest_entries_are_named(served: Desk) -> None:
+    _, _, text = asked(served, "/?make=DJI&model=FC6310R&focal_mm=24", Cookie=cookie(served))
+    assert "No approved K applies to DJI FC6310R" in text
+    assert "it is of 8.8 mm, not 24 mm" in text

@@ -41,7 +41,7 @@ from calibrary.jobs.extract.targets import colmap_flags
 from calibrary.jobs.fleet import Fleet
 from calibrary.jobs.resolve.run import FleetAnswer
 from calibrary.jobs.resolve.told import told as told_answer
-from calibrary.jobs.resolve.told import use_blocks
+from calibrary.jobs.resolve.told import use_blocks, use_said
 from calibrary.jobs.site.camera_page import (
     STATUSES,
     Download,
@@ -352,10 +352,12 @@ class Pages:
 
     def _answered(self, answer: FleetAnswer, command: tuple[str, ...]) -> Section:
         K, entry = answer.calibration, answer.entry
-        [section, *_] = told_answer(answer).sections
+        section, *near = told_answer(answer).sections
         blocks: list[Block] = [*section.blocks]
         if answer.allowed is not None and K is not None:
-            blocks += use_blocks(answer.allowed)
+            blocks.append(use_said(answer.allowed))
+        if K is None:
+            blocks += near
         if entry is not None:
             blocks.append(Link(f"All of {entry.id}", f"/{_place(entry.path).page}"))
         if K is not None:

@@ -64,8 +64,8 @@ def _answer(found: FleetAnswer, tone: Tone) -> Iterator[Block]:
         yield Note(text=text, action=found.remedy, tone=Tone.GOOD)
     yield from (Note(text=text, tone=Tone.CAUTION) for text in (*found.disagreements, *found.warnings))
     if entry is not None and entry.override:
-        told_ = f"It contradicts what is known of its camera: {entry.override}"
-        yield Note(text=told_, action="look at its limits", tone=Tone.CAUTION)
+        text = f"It contradicts what is known of its camera: {entry.override}"
+        yield Note(text=text, action="look at its limits", tone=Tone.CAUTION)
     if entry is not None and entry.proposal is not None:
         yield Note(text=f"Another K is proposed to replace it: {entry.proposal}", tone=Tone.CAUTION)
     yield KeyValues(tuple(_where(found, entry, tone)))
@@ -91,10 +91,15 @@ def _where(found: FleetAnswer, entry: UsedEntry | None, tone: Tone) -> Iterator[
         yield from story(entry.recorded, entry.approved)
 
 
+def use_said(found: Allowed) -> str:
+    """What a solver may do with a K, in a sentence."""
+    return f"{USES[found.use]}: {found.why}."
+
+
 def use_blocks(found: Allowed) -> Iterator[Block]:
     """What a solver may do with a K."""
     yield KeyValues((("use", Badge(found.use.value, TONES[found.use])),))
-    yield f"{USES[found.use]}: {found.why}."
+    yield use_said(found)
 
 
 def _numbers(K: Calibration) -> Iterator[Block]:
